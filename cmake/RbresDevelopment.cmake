@@ -1,0 +1,33 @@
+# What the project's own tests, examples and benchmarks are built with; users of the library never see this file.
+
+if(NOT CMAKE_BUILD_TYPE AND NOT CMAKE_CONFIGURATION_TYPES)
+  set(CMAKE_BUILD_TYPE Release)
+endif()
+set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
+
+option(RBRES_NATIVE "compile for this machine's processor" OFF)
+option(RBRES_WERROR "treat warnings as errors" OFF)
+set(RBRES_SANITIZE "" CACHE STRING "sanitizers, as in -fsanitize=")
+
+add_library(rbres_development INTERFACE)
+target_compile_options(rbres_development INTERFACE -Wall -Wextra -Wpedantic -Wconversion
+  $<$<BOOL:${RBRES_WERROR}>:-Werror>
+  $<$<BOOL:${RBRES_NATIVE}>:-march=native>)
+# GCC's note that vectors wider than the target's registers are passed in memory: nothing of ours crosses a library.
+target_compile_options(rbres_development INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-psabi>)
+if(RBRES_SANITIZE)
+  target_compile_options(rbres_development INTERFACE -fsanitize=${RBRES_SANITIZE} -fno-sanitize-recover=all)
+  target_link_options(rbres_development INTERFACE -fsanitize=${RBRES_SANITIZE})
+endif()
+
+find_package(OpenMP COMPONENTS CXX)
+
+# rbres_program(NAME SOURCE... [LIBRARIES ...]): one executable of ours.
+function(rbres_program name)
+  cmake_parse_arguments(arg "" "" "LIBRARIES" ${ARGN})
+  add_executable(${name} ${arg_UNPARSED_ARGUMENTS})
+  target_link_libraries(${name} PRIVATE rbres::rbres rbres_development ${arg_LIBRARIES})
+  if(OpenMP_CXX_FOUND)
+    target_link_libraries(${name} PRIVATE OpenMP::OpenMP_CXX)
+  endif()
+endfunction()

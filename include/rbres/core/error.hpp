@@ -1,0 +1,34 @@
+#pragma once
+
+#include <sstream>
+#include <stdexcept>
+#include <string>
+#include <string_view>
+
+namespace rbres {
+
+/// What every refused input throws: says what was expected and what was found.
+/// Thrown only where things are built, loaded or configured, never from a hot loop.
+class Error : public std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+namespace detail {
+
+/// Concatenates anything that streams, with enough digits to tell two doubles apart.
+template <class... Parts>
+std::string text(const Parts&... parts) {
+  std::ostringstream out;
+  out.precision(12);
+  (out << ... << parts);
+  return out.str();
+}
+
+/// Throws "WHAT: expected EXPECTED, found FOUND".
+template <class Found>
+[[noreturn]] void refuse(std::string_view what, std::string_view expected, const Found& found) {
+  throw Error(text(what, ": expected ", expected, ", found ", found));
+}
+
+}  // namespace detail
+}  // namespace rbres

@@ -1,0 +1,8 @@
+#pragma once
+
+/// Everything but files (those are in <rbres/io.hpp>); needs Eigen alone.
+#include <rbres/core/aligned.hpp>
+#include <rbres/core/error.hpp>
+#include <rbres/core/parallel.hpp>
+#include <rbres/core/philox.hpp>
+#include <rbres/version.hpp>
