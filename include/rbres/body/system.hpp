@@ -56,8 +56,9 @@ class System {
     if constexpr (std::is_floating_point_v<S>) check_planes();
   }
   /// N times the same body.
-  explicit System(const BodyType& every, std::vector<Plane<S>> planes = {})
-      : System(repeat(every, std::make_index_sequence<N>{}), std::move(planes)) {}
+  static System of(const BodyType& every, std::vector<Plane<S>> planes = {}) {
+    return System(repeat(every, std::make_index_sequence<N>{}), std::move(planes));
+  }
 
   const BodyType& operator[](int i) const { return bodies_[static_cast<std::size_t>(i)]; }
   const std::vector<Plane<S>>& planes() const { return planes_; }

@@ -358,7 +358,7 @@ class ContinuousContact {
         const MaskOf<S> came = pair.speed[i]<S(0), leaves = later> S(0);
         dips = dips | (counts[i] & came & leaves);
         // A point that has just left is apart when gravity has turned it round, if that comes soon.
-        const MaskOf<S> leaving = counts[i] & pair.touching[i];
+        const MaskOf<S> touched = pair.touching[i], leaving = counts[i] & touched;
         const S lost = maximum(S(pair.speed[i] - later), S(Constants<S>::tiny));
         approach.first_look = select(
             leaving, minimum(approach.first_look, S(part * clamp(S(pair.speed[i] / lost), S(1e-3), S(1)))),
