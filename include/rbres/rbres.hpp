@@ -10,4 +10,5 @@
 #include <rbres/dynamics/forces.hpp>
 #include <rbres/dynamics/integrators.hpp>
 #include <rbres/sim/simulate.hpp>
+#include <rbres/nn/nn.hpp>
 #include <rbres/version.hpp>
