@@ -5,4 +5,5 @@
 #include <rbres/core/error.hpp>
 #include <rbres/core/parallel.hpp>
 #include <rbres/core/philox.hpp>
+#include <rbres/nn/nn.hpp>
 #include <rbres/version.hpp>
