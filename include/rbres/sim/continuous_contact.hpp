@@ -2,8 +2,8 @@
 
 #include <rbres/contact/broad_phase.hpp>
 #include <rbres/contact/time_of_impact.hpp>
+#include <rbres/dynamics/free_flight.hpp>
 #include <rbres/sim/discrete_contact.hpp>
-#include <rbres/sim/free_flight.hpp>
 #include <rbres/sim/options.hpp>
 #include <utility>
 
