@@ -87,7 +87,7 @@ Manifold<S, 3> detect(const Capsule<S>& a, const Pose<S>& pa, const Box<S>& b, c
     slope_high = select(down, at, slope_high);
   };
   const auto crossings = [&](const S& m, const S& d, const S& half) {
-    const S inverse = S(1) / select(abs(d) < S(1e-12), S(1e-12), d);
+    const S inverse = S(1) / select(abs(d) < as<S>(1e-12), as<S>(1e-12), d);
     narrow((half - m) * inverse);
     narrow((-half - m) * inverse);
   };
@@ -111,7 +111,7 @@ Manifold<S, 3> detect(const Capsule<S>& a, const Pose<S>& pa, const Box<S>& b, c
       m.separation = ball.separation;
       m.gap[0] = ball.gap[0];
     } else {
-      m.gap[i] = select(dot(m.normal, ball.normal) < S(-0.9999), ball.gap[0], S(m.none));
+      m.gap[i] = select(dot(m.normal, ball.normal) < as<S>(-0.9999), ball.gap[0], S(m.none));
     }
   }
   return m;

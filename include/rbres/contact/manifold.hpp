@@ -18,7 +18,7 @@ struct Manifold {
   /// The normal passes through both centres of mass, so that a normal impulse spins nothing.
   static constexpr bool central = Central;
   /// The gap of a point that is not there.
-  static constexpr double none = 1e30;
+  static constexpr auto none = typename Constants<S>::Real(1e30);
 
   Vec3<S> normal;  ///< unit, from the first surface to the second, world frame
   S separation;    ///< signed distance of the surfaces along the normal, m; negative: they overlap

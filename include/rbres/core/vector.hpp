@@ -18,7 +18,7 @@ struct Vec3 {
   Vec3(const Eigen::MatrixBase<Derived>& v) : x(v(0)), y(v(1)), z(v(2)) {
     static_assert(Derived::SizeAtCompileTime == 3, "a Vec3 is made from three numbers");
   }
-  operator Eigen::Matrix<S, 3, 1>() const { return {x, y, z}; }
+  operator Eigen::Matrix<S, 3, 1>() const requires(!Packed<S>) { return {x, y, z}; }
 
   friend Vec3 operator+(const Vec3& a, const Vec3& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
   friend Vec3 operator-(const Vec3& a, const Vec3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
@@ -69,8 +69,8 @@ struct Quat {
 
   Quat() = default;
   constexpr Quat(const S& x_, const S& y_, const S& z_, const S& w_) : x(x_), y(y_), z(z_), w(w_) {}
-  Quat(const Eigen::Quaternion<S>& q) : x(q.x()), y(q.y()), z(q.z()), w(q.w()) {}
-  operator Eigen::Quaternion<S>() const { return {w, x, y, z}; }
+  Quat(const Eigen::Quaternion<S>& q) requires(!Packed<S>) : x(q.x()), y(q.y()), z(q.z()), w(q.w()) {}
+  operator Eigen::Quaternion<S>() const requires(!Packed<S>) { return {w, x, y, z}; }
 
   Vec3<S> imaginary() const { return {x, y, z}; }
   Quat conjugate() const { return {-x, -y, -z, w}; }

@@ -107,7 +107,7 @@ void check_state(const System& system, const typename System::State& y) {
         detail::refuse(detail::text("body ", i, ", state component ", k), "a finite number", numbers(k));
     }
     const S length = std::sqrt(squared_norm(y[i].orientation));
-    if (!(std::abs(length - S(1)) < S(1e-3))) {
+    if (!(std::abs(length - S(1)) < as<S>(1e-3))) {
       detail::refuse(detail::text("body ", i, ", orientation"), "a unit quaternion",
                      detail::text("one of length ", length));
     }
@@ -116,7 +116,7 @@ void check_state(const System& system, const typename System::State& y) {
     detail::with_manifold(system, y, first, second, [&](const auto& m, auto) {
       S size = system[second].bounding_radius();
       if (first >= 0) size = std::min(size, system[first].bounding_radius());
-      if (m.separation < S(-1e-3) * size) {
+      if (m.separation < as<S>(-1e-3) * size) {
         const auto other = first < 0 ? detail::text("plane ", -1 - first) : detail::text("body ", first);
         detail::refuse(detail::text("body ", second, " and ", other), "surfaces apart or touching",
                        detail::text("an overlap of ", -m.separation, " m"));
