@@ -7,7 +7,7 @@ namespace rbres {
 
 /// A system's state after h seconds of motion without contact. Body by body where no force couples them.
 template <class System, class Model, class Integrator>
-typename System::State fly(const System& system, const Model& forces, const Integrator& integrator,
+[[gnu::flatten]] typename System::State fly(const System& system, const Model& forces, const Integrator& integrator,
                            const typename System::State& state, const typename System::Scalar& t,
                            const typename System::Scalar& h) {
   using S = typename System::Scalar;
