@@ -86,7 +86,6 @@ void clip_faces(const Vec3<S>& origin, const Face<S>& reference, const Vec3<S>& 
 template <class S>
 Manifold<S, 12> detect(const Box<S>& a, const Pose<S>& pa, const Box<S>& b, const Pose<S>& pb) {
   using std::abs;
-  using std::sqrt;
   const Vec3<S> between = pb.position - pa.position;
   const auto fa = detail::faces(a, pa), fb = detail::faces(b, pb);
   S cosine[3][3];
@@ -120,7 +119,7 @@ Manifold<S, 12> detect(const Box<S>& a, const Pose<S>& pa, const Box<S>& b, cons
     for (std::size_t j = 0; j < 3; ++j) {
       const S length2 = S(1) - square(cosine[i][j]);
       const MaskOf<S> apart = length2 > as<S>(1e-6);
-      const S inverse = S(1) / sqrt(select(apart, length2, S(1)));
+      const S inverse = inverse_square_root(select(apart, length2, S(1)));
       const Vec3<S> axis = inverse * cross(fa[i].normal, fb[j].normal);
       S gap = abs(dot(between, axis));
       for (std::size_t k = 0; k < 3; ++k) {

@@ -39,10 +39,9 @@ Pose<S> shape_pose(const Body<S, Shape>& body, const RigidState<S>& state) {
 /// Unit vector along v; along z where v has no length.
 template <class S>
 Vec3<S> direction_or_z(const Vec3<S>& v) {
-  using std::sqrt;
   const S squared = squared_norm(v);
   const MaskOf<S> usable = squared > S(Constants<S>::tiny);
-  const S inverse = S(1) / sqrt(select(usable, squared, S(1)));
+  const S inverse = inverse_square_root(select(usable, squared, S(1)));
   return select(usable, inverse * v, Vec3<S>{S(0), S(0), S(1)});
 }
 

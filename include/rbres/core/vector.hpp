@@ -49,8 +49,12 @@ S squared_norm(const Vec3<S>& a) {
 }
 template <class S>
 [[gnu::always_inline]] inline S norm(const Vec3<S>& a) {
-  using std::sqrt;
-  return sqrt(S(dot(a, a) + S(Constants<S>::tiny)));
+  const S squared = dot(a, a) + S(Constants<S>::tiny);
+  if constexpr (Packed<S>) {
+    return squared * inverse_square_root(squared);
+  } else {
+    return square_root(squared);
+  }
 }
 template <class S>
 Vec3<S> absolute(const Vec3<S>& a) {
@@ -87,8 +91,7 @@ S squared_norm(const Quat<S>& q) {
 }
 template <class S>
 [[gnu::always_inline]] inline Quat<S> normalized(const Quat<S>& q) {
-  using std::sqrt;
-  const S s = S(1) / sqrt(squared_norm(q));
+  const S s = inverse_square_root(squared_norm(q));
   return {s * q.x, s * q.y, s * q.z, s * q.w};
 }
 template <Packed S>
