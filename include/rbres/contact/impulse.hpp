@@ -74,7 +74,6 @@ class ContactPoint {
   /// `active`. Returns how far the normal speed was off (m/s).
   S relax(const S& target, const S& friction, const MaskOf<S>& active, Motion<S>& first, Motion<S>& second) {
     using std::abs;
-    using std::sqrt;
     const S fault = target - velocity(0, first, second);
     const S pushed = select(active, maximum(S(impulse_[0] + normal_mass_ * fault), S(0)), impulse_[0]);
     const S change = pushed - impulse_[0];
@@ -85,7 +84,7 @@ class ContactPoint {
     S pu = impulse_[1] - (mass_uu_ * u + mass_uv_ * v), pv = impulse_[2] - (mass_uv_ * u + mass_vv_ * v);
     const S length2 = pu * pu + pv * pv, most = friction * pushed;
     const MaskOf<S> slides = length2 > most * most;
-    const S share = select(slides, S(most / sqrt(select(slides, length2, S(1)))), S(1));
+    const S share = select(slides, S(most / square_root(select(slides, length2, S(1)))), S(1));
     pu = select(active, S(share * pu), impulse_[1]);
     pv = select(active, S(share * pv), impulse_[2]);
     push(S(0), pu - impulse_[1], pv - impulse_[2], first, second);
@@ -227,8 +226,7 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
         return S(0.5) * (rubbed[i][d] - point[i].impulse()[d]) * (rubbed_after[i][d] - plain_after[i][d]);
       });
       const S b = gained - a - c;
-      using std::sqrt;
-      const S root = b + sqrt(maximum(S(b * b - S(4) * a * c), S(0)));
+      const S root = b + square_root(maximum(S(b * b - S(4) * a * c), S(0)));
       const S s =
           select(root > S(0), clamp(S(S(-2) * a / select(root > S(0), root, S(1))), S(0), S(1)), S(0));
       const auto blend = [&](Motion<S>& plain, const Motion<S>& rubbed_motion) {

@@ -96,7 +96,7 @@ class ContinuousContact {
     if (!any(over)) return;
     tally.overruns += select(over, S(1), S(0));
     State end = fly(system_, forces, integrator, y, now, left);
-    detail::meet_all(system_, y, end, S(options_.rest_speed), tally);
+    detail::meet_all(system_, y, end, as<S>(options_.rest_speed), tally);
     y = chosen(over, end, y);
   }
 
@@ -359,9 +359,10 @@ class ContinuousContact {
         // A point that has just left is apart when gravity has turned it round, if that comes soon.
         const MaskOf<S> touched = pair.touching[i], leaving = counts[i] & touched;
         const S lost = maximum(S(pair.speed[i] - later), S(Constants<S>::tiny));
-        approach.first_look = select(
-            leaving, minimum(approach.first_look, S(part * clamp(S(pair.speed[i] / lost), S(1e-3), S(1)))),
-            approach.first_look);
+        approach.first_look =
+            select(leaving,
+                   minimum(approach.first_look, S(part * clamp(S(pair.speed[i] / lost), as<S>(1e-3), S(1)))),
+                   approach.first_look);
       }
       const MaskOf<S> search =
           counted & ((approach.gap_end < S(0)) |
