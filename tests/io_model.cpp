@@ -133,7 +133,8 @@ TEST_CASE("a model of other sizes is refused with both") {
                  "metadata 'scalar': expected 'float64', found 'float32'"));
 
   SafetensorsWriter foreign;
-  Tensors().add_to(foreign);
+  const Tensors tensors;
+  tensors.add_to(foreign);
   CHECK_NOTHROW(foreign.write(path));
   using Wider = Network<float, Sequential<Linear<3, 6>, Tanh, Linear<6, 2>>>;
   CHECK(contains(error_of([&] { load<Wider>(path); }),
