@@ -7,6 +7,8 @@
 #include <numbers>
 #include <vector>
 
+#include "uniform.hpp"
+
 /// The scenes of the physics benchmark, described once and in plain C++, so that every engine starts from the
 /// same numbers: bodies let go above a floor z = 0, under gravity and quadratic air drag. SI units.
 namespace rbres::bench {
@@ -63,21 +65,6 @@ struct Start {
 /// Number of bodies of a scene, and of different scenes that a row runs, so that no row is one lucky scene.
 inline constexpr int body_count = 5;
 inline constexpr int scene_count = 8;
-
-/// Uniform numbers from splitmix64 (Steele, Lea, Flood 2014).
-class Uniform {
- public:
-  explicit Uniform(std::uint64_t seed) : state_(seed) {}
-  double operator()(double from, double to) {
-    std::uint64_t z = (state_ += 0x9E3779B97F4A7C15u);
-    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
-    z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
-    return from + (to - from) * static_cast<double>((z ^ (z >> 31)) >> 11) * 0x1p-53;
-  }
-
- private:
-  std::uint64_t state_;
-};
 
 /// Scene `index` of `bodies` bodies: a shaken lattice 1 m wide, no two bodies touching, thrown loosely at its
 /// middle so that they meet in the air and on the floor.
