@@ -1,0 +1,93 @@
+#pragma once
+
+#include <rbres/core/error.hpp>
+
+#include <Eigen/Core>
+
+#include <cmath>
+#include <cstddef>
+#include <functional>
+#include <vector>
+
+namespace rbres {
+
+/// A view of a column-major matrix whose columns are samples.
+template <class T>
+using ColumnsView = Eigen::Map<const Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>>;
+
+/// View of a matrix that lives at least as long as the view.
+template <class T>
+ColumnsView<T> columns(const Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>& matrix) {
+  return {matrix.data(), matrix.rows(), matrix.cols()};
+}
+template <class T>
+ColumnsView<T> columns(const Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>&& matrix) = delete;
+
+/// What a network learns from; views only. Column i of each belongs to sample i.
+template <class T>
+struct Samples {
+  ColumnsView<T> inputs;   ///< inputs x samples
+  ColumnsView<T> targets;  ///< outputs x samples
+  /// Outputs x samples, or empty for all ones: what each squared error counts. 0 where a target says nothing.
+  ColumnsView<T> weights{nullptr, 0, 0};
+
+  Eigen::Index count() const noexcept { return inputs.cols(); }
+};
+
+/// Mean over samples of sum_o output_weights[o] weights[o, i] (y[o] - target[o])^2 + extra(i, x, y). Without
+/// weights: the mean over samples of the squared norm of the error (arXiv 2407.18798, section 3).
+template <class T>
+struct Loss {
+  using Vector = Eigen::Matrix<T, Eigen::Dynamic, 1>;
+  /// The user's own term of one sample: its value; adds its derivative by the output to `gradient`. It is
+  /// called from several threads at once, and must depend on nothing but its arguments.
+  using Term = std::function<double(Eigen::Index sample, Eigen::Map<const Vector> input,
+                                    Eigen::Map<const Vector> output, Eigen::Map<Vector> gradient)>;
+
+  std::vector<T> output_weights{};  ///< one for each output, or empty for all ones
+  Term extra{};
+
+  /// The loss of one sample, and its derivative by the output.
+  double evaluate(const Samples<T>& samples, Eigen::Index i, const T* output, T* gradient) const {
+    const Eigen::Index size = samples.targets.rows();
+    const T* target = samples.targets.data() + i * size;
+    const T* weight = samples.weights.size() == 0 ? nullptr : samples.weights.data() + i * size;
+    double sum = 0;
+    for (Eigen::Index o = 0; o < size; ++o) {
+      T w = output_weights.empty() ? T{1} : output_weights[static_cast<std::size_t>(o)];
+      if (weight != nullptr) w *= weight[o];
+      const T error = output[o] - target[o];
+      gradient[o] = 2 * w * error;
+      sum += static_cast<double>(w * error * error);
+    }
+    if (extra)
+      sum += extra(i, {samples.inputs.data() + i * samples.inputs.rows(), samples.inputs.rows()},
+                   {output, size}, {gradient, size});
+    return sum;
+  }
+};
+
+namespace detail {
+
+template <class T>
+void expect_finite(const char* what, const ColumnsView<T>& matrix) {
+  for (Eigen::Index c = 0; c < matrix.cols(); ++c)
+    for (Eigen::Index r = 0; r < matrix.rows(); ++r)
+      if (!std::isfinite(matrix(r, c)))
+        refuse(text(what, ": row ", r, ", column ", c), "a finite number", matrix(r, c));
+}
+
+template <class T>
+void expect_samples(const char* what, const Samples<T>& samples, Eigen::Index inputs, Eigen::Index outputs) {
+  const auto expect = [&](const char* which, const ColumnsView<T>& m, Eigen::Index rows) {
+    if (m.rows() != rows || m.cols() != samples.count())
+      refuse(text(what, ": ", which), text(rows, " x ", samples.count()), text(m.rows(), " x ", m.cols()));
+    expect_finite(text(what, ": ", which).c_str(), m);
+  };
+  expect("inputs", samples.inputs, inputs);
+  expect("targets", samples.targets, outputs);
+  if (samples.weights.size() != 0) expect("weights", samples.weights, outputs);
+}
+
+}  // namespace detail
+}  // namespace rbres

@@ -1,0 +1,231 @@
+#pragma once
+
+#include <rbres/core/aligned.hpp>
+#include <rbres/core/error.hpp>
+#include <rbres/core/philox.hpp>
+#include <rbres/nn/passes.hpp>
+
+#include <Eigen/Core>
+
+#include <algorithm>
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace rbres {
+
+/// One tensor of a network's parameters: its name and shape as PyTorch's state_dict has them, and where its
+/// numbers stand.
+struct ParameterTensor {
+  std::string name;    ///< "2.0.weight", "2.0.bias": layers counted as in nn.Sequential
+  bool is_bias;        ///< shape [rows] for a bias, [rows, columns] for a weight
+  int rows, columns;   ///< outputs and inputs; a bias has one column
+  std::size_t offset;  ///< in the network's block
+  int lanes;           ///< outputs in a panel
+
+  /// Place of number (row, column) in the network's block (and in gradients and moments, which share its
+  /// layout).
+  std::size_t index(int row, int column = 0) const noexcept {
+    return offset + static_cast<std::size_t>((row / lanes * columns + column) * lanes + row % lanes);
+  }
+};
+
+namespace detail {
+
+template <class Matrix>
+void expect_shape(const char* what, const Matrix& m, Eigen::Index rows, Eigen::Index columns) {
+  if (m.rows() != rows || m.cols() != columns)
+    refuse(what, text(rows, " x ", columns), text(m.rows(), " x ", m.cols()));
+}
+
+/// Stage by stage on any scalar.
+template <class Compiled, class Passes, class T, class Derived>
+auto plain_forward(const T* parameters, const Eigen::MatrixBase<Derived>& x) {
+  using S = typename Derived::Scalar;
+  using Vector = Eigen::Matrix<S, Eigen::Dynamic, 1>;
+  std::vector<Vector> values{x};
+  unrolled<Compiled::stage_count>([&](auto s) {
+    constexpr Stage stage = Compiled::stage(s);
+    const Vector& in = values.back();
+    Vector out = in;
+    if constexpr (stage.has_linear) {
+      out.resize(stage.outputs);
+      const T* weights = parameters + Passes::offset(s);
+      const T* bias = weights + Passes::weight_size(s);
+      for (int o = 0; o < stage.outputs; ++o) {
+        S sum = static_cast<S>(bias[o]);
+        for (int i = 0; i < stage.inputs; ++i)
+          sum += static_cast<S>(in[i] * weights[(o / lanes<T> * stage.inputs + i) * lanes<T> + o % lanes<T>]);
+        out[o] = sum;
+      }
+    }
+    for (S& number : out) number = Compiled::template ChainOfStage<s>::value(number, S(1));
+    if constexpr (stage.skip != none) out += values[stage.skip];
+    values.push_back(std::move(out));
+  });
+  return Eigen::Matrix<S, Compiled::size(Compiled::stage_count), 1>(values.back());
+}
+
+}  // namespace detail
+
+/// A network as a value: `Layers` is a Sequential<...>, T float or double. All parameters stand in one flat
+/// block, aligned to a cache line; a copy is a copy. In PyTorch the same network is the nn.Sequential of the
+/// same layers.
+template <std::floating_point T, class Layers>
+class Network {
+ public:
+  using Scalar = T;
+  using Architecture = Layers;
+  using Compiled = detail::Compiled<Layers>;
+  using Passes = detail::Passes<T, Compiled>;
+
+  static constexpr int input_size = Compiled::size(0);
+  static constexpr int output_size = Compiled::size(Compiled::stage_count);
+  /// Numbers in the parameter block, with the zeros that fill up panels, and without.
+  static constexpr std::size_t block_size = Passes::parameter_size;
+  static constexpr std::size_t parameter_count = [] {
+    std::size_t sum = 0;
+    for (int s = 0; s < Compiled::stage_count; ++s)
+      if (const auto& stage = Compiled::stage(s); stage.has_linear)
+        sum += static_cast<std::size_t>(stage.outputs) * static_cast<std::size_t>(stage.inputs + 1);
+    return sum;
+  }();
+
+  using Input = Eigen::Matrix<T, input_size, 1>;
+  using Output = Eigen::Matrix<T, output_size, 1>;
+  using Columns = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
+
+  /// Scratch for batches and for derivatives, which the caller keeps; its size does not depend on the batch.
+  class Workspace {
+   public:
+    Workspace()
+        : numbers_(std::max(static_cast<std::size_t>(chunk * slot_size * slot_count), Passes::tape_row)) {}
+
+   private:
+    friend Network;
+    AlignedBuffer<T> numbers_;
+  };
+
+  /// All parameters zero.
+  Network() : parameters_(block_size) {}
+
+  /// Weights drawn from a normal distribution of variance 2 / inputs, biases zero (He, Zhang, Ren, Sun 2015,
+  /// section 2.2).
+  explicit Network(std::uint64_t seed) : Network() {
+    Random random(seed);
+    for (const ParameterTensor& tensor : tensors()) {
+      if (tensor.is_bias) continue;
+      const double deviation = std::sqrt(2.0 / tensor.columns);
+      for (int r = 0; r < tensor.rows; ++r)
+        for (int c = 0; c < tensor.columns; ++c)
+          parameters_[tensor.index(r, c)] = static_cast<T>(deviation * random.normal());
+    }
+  }
+
+  /// The whole block. Numbers that no tensor names are filling and must stay zero.
+  std::span<T> parameters() noexcept { return {parameters_.data(), block_size}; }
+  std::span<const T> parameters() const noexcept { return {parameters_.data(), block_size}; }
+
+  /// Every tensor, in the order of the block: weight and bias of each Linear.
+  static std::vector<ParameterTensor> tensors() {
+    std::vector<std::string> names;
+    detail::append_names(names, "", Layers{});
+    std::vector<ParameterTensor> all;
+    for (int s = 0, linear = 0; s < Compiled::stage_count; ++s) {
+      const detail::Stage& stage = Compiled::stage(s);
+      if (!stage.has_linear) continue;
+      const std::string& name = names[static_cast<std::size_t>(linear++)];
+      all.push_back(
+          {name + ".weight", false, stage.outputs, stage.inputs, Passes::offset(s), detail::lanes<T>});
+      all.push_back({name + ".bias", true, stage.outputs, 1, Passes::offset(s) + Passes::weight_size(s),
+                     detail::lanes<T>});
+    }
+    return all;
+  }
+
+  /// The prediction for one sample. Allocates nothing.
+  Output forward(const Input& x) const noexcept {
+    alignas(64) T slots[slot_size * slot_count];
+    put(x, slots + input_slot * slot_size);
+    Passes::forward(1, parameters_.data(), slots, slot_size);
+    return Eigen::Map<const Output>(slots + output_slot * slot_size);
+  }
+
+  /// The same on any other scalar, such as Eigen's AutoDiffScalar: plain loops, and the heap.
+  template <class Derived>
+  requires(!std::same_as<typename Derived::Scalar, T>) auto forward(
+      const Eigen::MatrixBase<Derived>& x) const {
+    static_assert(Derived::SizeAtCompileTime == input_size,
+                  "Network::forward: x must have input_size numbers");
+    return detail::plain_forward<Compiled, Passes>(parameters_.data(), x);
+  }
+
+  /// A prediction for each column: `inputs` is input_size x n, `outputs` output_size x n, else throws Error.
+  /// Allocates nothing where both are column-major.
+  void forward(const Eigen::Ref<const Columns, 0, Eigen::OuterStride<>>& inputs,
+               Eigen::Ref<Columns, 0, Eigen::OuterStride<>> outputs, Workspace& workspace) const {
+    detail::expect_shape("Network::forward: inputs", inputs, input_size, inputs.cols());
+    detail::expect_shape("Network::forward: outputs", outputs, output_size, inputs.cols());
+    T* in = workspace.numbers_.data() + input_slot * chunk * slot_size;
+    T* out = workspace.numbers_.data() + output_slot * chunk * slot_size;
+    for (Eigen::Index first = 0; first < inputs.cols(); first += chunk) {
+      const auto rows = std::min<Eigen::Index>(chunk, inputs.cols() - first);
+      Rows(in, input_size, rows, Eigen::OuterStride<>(slot_size)) = inputs.middleCols(first, rows);
+      Passes::forward(static_cast<int>(rows), parameters_.data(), workspace.numbers_.data(),
+                      chunk * slot_size);
+      outputs.middleCols(first, rows) = Rows(out, output_size, rows, Eigen::OuterStride<>(slot_size));
+    }
+  }
+
+  /// J v: the derivative of the prediction at x along the input's direction v. Allocates nothing.
+  Output jvp(const Input& x, const Input& v, Workspace& workspace) const noexcept {
+    const auto tape = record(x, workspace);
+    put(v, tape.gradient(0, 0));
+    Passes::tangent(parameters_.data(), tape);
+    return Eigen::Map<const Output>(tape.gradient(Compiled::stage_count, 0));
+  }
+
+  /// Jᵀ w: the gradient by the input, at x, of the inner product of w and the prediction. Allocates nothing.
+  Input vjp(const Input& x, const Output& w, Workspace& workspace) const noexcept {
+    const auto tape = record(x, workspace);
+    T* last = tape.gradient(Compiled::stage_count, 0);
+    for (int i = 0; i < output_size; ++i) last[i] = w[i] * (Passes::output_has_slope ? last[i] : T{1});
+    std::fill(last + output_size, last + slot_size, T{});
+    Passes::backward(tape, 0, 1, true, [&](auto s, const T* in, const auto& finish) {
+      constexpr detail::Stage stage = Compiled::stage(s);
+      alignas(64) T product[slot_size];
+      detail::multiply_row_transposed<T>(stage.outputs, stage.inputs, parameters_.data() + Passes::offset(s),
+                                         in, product);
+      for (int lane = 0; lane < detail::padded<T>(stage.inputs); lane += detail::simd_width<T>)
+        finish(0, lane, detail::load(product + lane));
+    });
+    return Eigen::Map<const Input>(tape.gradient(0, 0));
+  }
+
+ private:
+  using Rows = Eigen::Map<Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>, 0, Eigen::OuterStride<>>;
+  static constexpr std::ptrdiff_t chunk =
+      96;  // samples that go through all layers while they are in the cache
+  static constexpr std::ptrdiff_t slot_size = Passes::stride, slot_count = Compiled::slot_count;
+  static constexpr std::ptrdiff_t input_slot = Compiled::slots.front(), output_slot = Compiled::slots.back();
+
+  static void put(const Input& x, T* row) noexcept {
+    std::copy_n(x.data(), input_size, row);
+    std::fill(row + input_size, row + slot_size, T{});
+  }
+  typename Passes::Tape record(const Input& x, Workspace& workspace) const noexcept {
+    T* numbers = workspace.numbers_.data();
+    const typename Passes::Tape tape{numbers, numbers + Passes::tape_row / 2, 1};
+    put(x, tape.value(0, 0));
+    Passes::record(parameters_.data(), tape, 0, 1, DropoutMask{});
+    return tape;
+  }
+
+  AlignedBuffer<T> parameters_;
+};
+
+}  // namespace rbres

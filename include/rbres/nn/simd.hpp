@@ -1,0 +1,81 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include <cmath>
+#include <cstddef>
+#include <cstring>
+#include <type_traits>
+
+namespace rbres::detail {
+
+#if defined(__AVX512F__)
+inline constexpr std::size_t simd_bytes = 64;
+#elif defined(__AVX__)
+inline constexpr std::size_t simd_bytes = 32;
+#else
+inline constexpr std::size_t simd_bytes = 16;
+#endif
+
+template <class T>
+struct SimdOf {
+  typedef T type __attribute__((vector_size(simd_bytes)));
+};
+
+/// The widest register of numbers that the compiler's flags allow, as a vector extension of GCC and Clang.
+template <class T>
+using Simd = typename SimdOf<T>::type;
+
+template <class T>
+inline constexpr int simd_width = static_cast<int>(simd_bytes / sizeof(T));
+
+template <class T>
+inline constexpr bool is_simd = requires(T x) {
+  x[0];
+};
+
+/// c as a number of any kind, or in every lane.
+template <class T>
+[[gnu::always_inline]] inline T constant(int c) noexcept {
+  if constexpr (is_simd<T>) {
+    using Lane = std::remove_cvref_t<decltype(T{}[0])>;
+    return T{} + static_cast<Lane>(c);
+  } else {
+    return T(c);
+  }
+}
+
+template <class T>
+[[gnu::always_inline]] inline Simd<T> load(const T* from) noexcept {
+  Simd<T> x;
+  std::memcpy(&x, from, sizeof x);
+  return x;
+}
+
+template <class T>
+[[gnu::always_inline]] inline void store(T* to, const Simd<T>& x) noexcept {
+  std::memcpy(to, &x, sizeof x);
+}
+
+/// f of every lane. f must not be one that the compiler has a vector instruction for: it is called lane by
+/// lane.
+template <class V, class F>
+[[gnu::always_inline]] inline V map_lanes(const V& x, F f) noexcept {
+  V y;
+  for (std::size_t i = 0; i < sizeof(V) / sizeof(x[0]); ++i) y[i] = f(x[i]);
+  return y;
+}
+
+template <class V>
+[[gnu::always_inline]] inline V square_root(const V& x) noexcept {
+  using Lanes =
+      Eigen::Array<std::remove_cvref_t<decltype(V{}[0])>, static_cast<int>(sizeof(V) / sizeof(x[0])), 1>;
+  Lanes in;
+  std::memcpy(in.data(), &x, sizeof x);
+  in = in.sqrt();
+  V y;
+  std::memcpy(&y, in.data(), sizeof y);
+  return y;
+}
+
+}  // namespace rbres::detail
