@@ -33,6 +33,7 @@ struct Approach {
   S gap_end;      ///< m
   S speed_bound;  ///< no gap changes faster than this, m/s
   S first_look;   ///< a time at which a pair that starts apart from touching is known to be apart, s
+  S touch;        ///< a pair that starts closer than this touches, m
   S size;         ///< the smaller bounding radius, m
 };
 
@@ -65,18 +66,20 @@ S time_of_impact(const Approach<S>& pair, const MaskOf<S>& search, const Gap& ga
   if (!any(found)) return pair.duration;
 
   const S close = S(4) * S(Constants<S>::epsilon) * pair.size;
-  gap_a = maximum(gap_a, close);
   MaskOf<S> working = found;
+  // A pair that starts in touch and leaves has a root at the start, too, which is none: halve until past it.
+  MaskOf<S> anchored = (a > S(0)) | (gap_a > pair.touch);
   S root = b;
   MaskOf<S> kept_a(false), kept_b(false);  // which end stayed last time
   for (int i = 0; i < 60 && any(working); ++i) {
     const S width = b - a, fall = gap_a - gap_b;
-    S t = a + gap_a * width / select(fall > S(0), fall, S(1));
-    t = select((t > a) & (t < b), t, S(a + S(0.5) * width));
+    const S secant = a + gap_a * width / select(fall > S(0), fall, S(1));
+    const S t = select(anchored & (secant > a) & (secant < b), secant, S(a + S(0.5) * width));
     const S g = gap(t);
     root = select(working, t, root);
     // An end that stays twice has its gap halved, so that both ends close in.
     const MaskOf<S> above = g > S(0);
+    anchored = anchored | above;
     gap_b = select(above, select(kept_b, S(S(0.5) * gap_b), gap_b), g);
     gap_a = select(above, g, select(kept_a, S(S(0.5) * gap_a), gap_a));
     a = select(above, t, a);

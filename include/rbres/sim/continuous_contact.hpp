@@ -69,19 +69,23 @@ class ContinuousContact {
       for (Pair& pair : pairs_) measure(pair, y, running);
       if (any(impacts(y, now, observer, tally))) continue;  // velocities changed: look again from here
 
-      const MaskOf<S> held = hold(y, free);
-      State start = y;
+      const MaskOf<S> held = hold(y, free, left);
+      const auto push = [&](const RigidState<S>& state, int i, const Wrench<S>& wrench) {
+        const Wrench<S>& contact = contact_[index(i)];
+        return wrench + Wrench<S>{contact.force, rotate_back(state.orientation, contact.torque)};
+      };
+      const auto flown = [&](const S& time) {
+        return any(held) ? fly(system_, forces, integrator, y, now, time, push)
+                         : fly(system_, forces, integrator, y, now, time);
+      };
       S part = left;
-      State end = any(held) ? drift(forces, integrator, y, start, now, part, S(0.5)) : free;
+      State end = any(held) ? flown(left) : free;
       // However dense the impacts, time goes on.
-      const S impact = maximum(earliest_impact(start, end, part), minimum(part, S(as<S>(1e-9) * h)));
+      const S impact = maximum(earliest_impact(y, end, part), minimum(part, S(as<S>(1e-9) * h)));
       const MaskOf<S> cut = running & (impact < part);
       if (any(cut)) {
-        const S share = S(0.5) * select(running, S(impact / select(running, part, S(1))), S(1));
         part = impact;
-        start = y;
-        end = any(held) ? drift(forces, integrator, y, start, now, part, share)
-                        : fly(system_, forces, integrator, y, now, part);
+        end = flown(part);
       }
       if (any(held)) settle(end, h);
       y = chosen(running, end, y);
@@ -201,7 +205,7 @@ class ContinuousContact {
   }
 
   /// Finds the contacts that rest at y and the impulses that hold them until the end of the step.
-  MaskOf<S> hold(const State& y, const State& free) {
+  MaskOf<S> hold(const State& y, const State& free, const S& left) {
     rows_.clear();
     MaskOf<S> held(false);
     for (Pair& pair : pairs_) {
@@ -220,9 +224,15 @@ class ContinuousContact {
       m.velocity = free[i].velocity;
       m.angular_velocity = free[i].angular_velocity_world();
     }
+    std::array<Motion<S>, N> before = motion_;
     relax(S(0));
+    const S rate = S(1) / select(left > S(0), left, S(1));
     for (int i = 0; i < N; ++i) {
-      Motion<S>& m = motion_[index(i)];
+      Motion<S>&m = motion_[index(i)], &b = before[index(i)];
+      const Mat3<S> axes = rotation_matrix(y[i].orientation);
+      const Vec3<S> spin = axes.transposed_times(m.angular_velocity - b.angular_velocity);
+      contact_[index(i)] = {(rate * system_[i].mass()) * (m.velocity - b.velocity),
+                            rate * (axes * scale(system_[i].inertia(), spin))};
       m.velocity = y[i].velocity;
       m.angular_velocity = y[i].angular_velocity_world();
     }
@@ -285,20 +295,6 @@ class ContinuousContact {
     }
   }
 
-  /// From y: the held impulses' share, then flight over `part`. `start` is y after the kick.
-  template <class Model, class Integrator>
-  State drift(const Model& forces, const Integrator& integrator, const State& y, State& start, const S& now,
-              const S& part, const S& share) {
-    auto motion = motion_;
-    each_held([&](Pair& pair, std::size_t i, auto& row) {
-      auto& a = motion[index(pair.who.first < 0 ? 0 : pair.who.first)];
-      row.apply(select(pair.held[i], share, S(0)), a, motion[index(pair.who.second)]);
-    });
-    start = y;
-    for (int i = 0; i < N; ++i) set_velocities(start[i], motion[index(i)]);
-    return fly(system_, forces, integrator, start, now, part);
-  }
-
   /// The held contacts at the end of a part: impulses that leave none approaching.
   void settle(State& end, const S& h) {
     rows_.clear();
@@ -333,11 +329,14 @@ class ContinuousContact {
       const bool plane = pair.who.first < 0;
       std::array<MaskOf<S>, P> counts;  // points that may start a contact
       for (std::size_t i = 0; i < P; ++i) counts[i] = open & !(plane ? pair.held[i] : pair.any_held);
+      // A point that overlaps and leaves comes back when it is as deep again.
       const auto lowest = [&](const Pair& p) {
-        if (!plane) return p.separation;
+        if (!plane) return S(p.separation - minimum(pair.separation, S(0)));
         S least(PlanePair::none);
-        for (std::size_t i = 0; i < P; ++i)
-          least = minimum(least, select(counts[i], p.gap[i], S(PlanePair::none)));
+        for (std::size_t i = 0; i < P; ++i) {
+          const S gap = p.gap[i] - minimum(pair.gap[i], S(0));
+          least = minimum(least, select(counts[i], gap, S(PlanePair::none)));
+        }
         return least;
       };
       MaskOf<S> counted(false);
@@ -346,7 +345,7 @@ class ContinuousContact {
 
       Pair after = pair;
       set_geometry(after, end);
-      Approach<S> approach{part, maximum(lowest(pair), S(0)), lowest(after), S(0), part, S(0)};
+      Approach<S> approach{part, lowest(pair), lowest(after), S(0), part, pair.touch, S(0)};
       approach.size = system_[pair.who.second].bounding_radius();
       approach.speed_bound = speed_bound(pair, start, end) + as<S>(1e-6);
       if (!plane) approach.size = minimum(approach.size, system_[pair.who.first].bounding_radius());
@@ -410,6 +409,7 @@ class ContinuousContact {
   std::vector<Pair> pairs_;
   std::vector<Row> rows_;
   std::array<Motion<S>, N> motion_, end_motion_;
+  std::array<Wrench<S>, N> contact_;  ///< of the held contacts; world frame
 };
 
 }  // namespace rbres

@@ -5,11 +5,20 @@
 
 namespace rbres {
 
-/// A system's state after h seconds of motion without contact. Body by body where no force couples them.
-template <class System, class Model, class Integrator>
+/// What contacts add to the force model: nothing.
+struct NoPush {
+  template <class S>
+  Wrench<S> operator()(const RigidState<S>&, int, const Wrench<S>& wrench) const {
+    return wrench;
+  }
+};
+
+/// A system's state after h seconds of motion without impact. Body by body where no force couples them.
+/// `push` (state, index, wrench) gives the wrench on a body together with what resting contacts add.
+template <class System, class Model, class Integrator, class Push = NoPush>
 typename System::State fly(const System& system, const Model& forces, const Integrator& integrator,
                            const typename System::State& state, const typename System::Scalar& t,
-                           const typename System::Scalar& h) {
+                           const typename System::Scalar& h, const Push& push = {}) {
   using S = typename System::Scalar;
   typename System::State out;
   if constexpr (detail::is_local<Model, S, typename System::Shape>) {
@@ -18,7 +27,7 @@ typename System::State fly(const System& system, const Model& forces, const Inte
           [&](const S& time, const RigidState<S>& y) __attribute__((always_inline)) {
             RigidRate<S> rate;
             set_kinematics(rate, y);
-            set_dynamics(rate, system[i], y, detail::local_wrench(forces, system[i], y, i, time));
+            set_dynamics(rate, system[i], y, push(y, i, detail::local_wrench(forces, system[i], y, i, time)));
             return rate;
           },
           state[i], t, h);
@@ -30,7 +39,7 @@ typename System::State fly(const System& system, const Model& forces, const Inte
           for (int i = 0; i < System::bodies; ++i) {
             auto& body = rate.body[static_cast<std::size_t>(i)];
             set_kinematics(body, y[i]);
-            set_dynamics(body, system[i], y[i], detail::wrench_on(forces, system, y, i, time));
+            set_dynamics(body, system[i], y[i], push(y[i], i, detail::wrench_on(forces, system, y, i, time)));
           }
           return rate;
         },

@@ -62,9 +62,11 @@ class Stepper {
   }
 
   const ContactTally<S>& tally() const { return tally_; }
+  /// Where every state so far was finite, lane by lane.
+  const MaskOf<S>& finite() const { return finite_; }
 
  private:
-  static int keep_finite(const State& before, State& y) {
+  int keep_finite(const State& before, State& y) {
     S sum(0);
     for (int i = 0; i < System::bodies; ++i) {
       const auto& b = y[i];
@@ -74,6 +76,7 @@ class Stepper {
     }
     const MaskOf<S> good = is_finite(sum);
     if (all(good)) return -1;
+    finite_ = finite_ & good;
     int bad = 0;
     for (int i = System::bodies - 1; i >= 0; --i) {
       const auto& b = y[i];
@@ -92,6 +95,7 @@ class Stepper {
   SimulationOptions options_;
   ContinuousContact<System> continuous_;
   ContactTally<S> tally_;
+  MaskOf<S> finite_{true};
 };
 
 /// Refuses states that no simulation can start from: numbers that are not finite, quaternions that are not
