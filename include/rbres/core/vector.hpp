@@ -48,7 +48,7 @@ S squared_norm(const Vec3<S>& a) {
   return dot(a, a);
 }
 template <class S>
-S norm(const Vec3<S>& a) {
+[[gnu::always_inline]] inline S norm(const Vec3<S>& a) {
   using std::sqrt;
   return sqrt(S(dot(a, a) + S(Constants<S>::tiny)));
 }
@@ -86,7 +86,7 @@ S squared_norm(const Quat<S>& q) {
   return q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
 }
 template <class S>
-Quat<S> normalized(const Quat<S>& q) {
+[[gnu::always_inline]] inline Quat<S> normalized(const Quat<S>& q) {
   using std::sqrt;
   const S s = S(1) / sqrt(squared_norm(q));
   return {s * q.x, s * q.y, s * q.z, s * q.w};
@@ -137,7 +137,7 @@ Mat3<S> rotated_diagonal(const Mat3<S>& r, const Vec3<S>& d) {
 /// The rate 1/2 q (x) [0, w] of an orientation under the body-frame angular velocity w (the paper's equation
 /// 3).
 template <class S>
-Quat<S> quaternion_rate(const Quat<S>& q, const Vec3<S>& w) {
+[[gnu::always_inline]] inline Quat<S> quaternion_rate(const Quat<S>& q, const Vec3<S>& w) {
   const Vec3<S> h = S(0.5) * w;
   return {q.w * h.x + q.y * h.z - q.z * h.y, q.w * h.y + q.z * h.x - q.x * h.z,
           q.w * h.z + q.x * h.y - q.y * h.x, -(q.x * h.x + q.y * h.y + q.z * h.z)};
@@ -145,7 +145,7 @@ Quat<S> quaternion_rate(const Quat<S>& q, const Vec3<S>& w) {
 
 /// A body vector in the world frame, and back.
 template <class S>
-Vec3<S> rotate(const Quat<S>& q, const Vec3<S>& v) {
+[[gnu::always_inline]] inline Vec3<S> rotate(const Quat<S>& q, const Vec3<S>& v) {
   const Vec3<S> t = S(2) * cross(q.imaginary(), v);
   return v + q.w * t + cross(q.imaginary(), t);
 }

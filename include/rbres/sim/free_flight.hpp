@@ -15,7 +15,7 @@ typename System::State fly(const System& system, const Model& forces, const Inte
   if constexpr (detail::is_local<Model, S, typename System::Shape>) {
     for (int i = 0; i < System::bodies; ++i) {
       out[i] = integrator.advance(
-          [&](const S& time, const RigidState<S>& y) {
+          [&](const S& time, const RigidState<S>& y) __attribute__((always_inline)) {
             RigidRate<S> rate;
             set_kinematics(rate, y);
             set_dynamics(rate, system[i], y, detail::local_wrench(forces, system[i], y, i, time));
