@@ -1,0 +1,6 @@
+#pragma once
+
+/// Files: safetensors and NumPy's .npy. Needs nlohmann_json and POSIX besides what <rbres/rbres.hpp> needs.
+#include <rbres/io/atomic_file.hpp>
+#include <rbres/io/npy.hpp>
+#include <rbres/io/safetensors.hpp>

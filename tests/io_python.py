@@ -1,0 +1,67 @@
+"""Files against Python: NumPy's own .npy, and safetensors as their specification says (struct, json, NumPy).
+
+usage: io_python.py IO_PYTHON_COPY. Exits with 77 (skipped) where there is no NumPy.
+"""
+
+import json
+import pathlib
+import struct
+import subprocess
+import sys
+import tempfile
+
+try:
+    import numpy as np
+except ImportError:
+    print("skipped: this Python has no NumPy")
+    sys.exit(77)
+
+
+def copy(how, source, target):
+    return subprocess.run([sys.argv[1], how, source, target], capture_output=True, text=True)
+
+
+def check_npy(folder):
+    source, target = folder / "source.npy", folder / "target.npy"
+    random = np.random.default_rng(1)
+    for dtype in ("float32", "float64", "int32", "int64", "uint8"):
+        for shape in ((7,), (5, 3), (4, 3, 2), (0, 3), (3, 0), (1, 1)):
+            for version in ((1, 0), (2, 0), (3, 0)):
+                array = (100 * random.random(shape)).astype(dtype)
+                with open(source, "wb") as file:
+                    np.lib.format.write_array(file, array, version)
+                done = copy(dtype, source, target)
+                assert done.returncode == 0, done.stderr
+                back = np.load(target)
+                assert back.dtype == array.dtype and back.shape == array.shape
+                assert np.array_equal(back, array), (dtype, shape)
+    for array in (np.asfortranarray(random.random((3, 2))), random.random((3, 2)).astype(">f8"),
+                  random.random((3, 2)) > 0.5, random.random((1, 1, 1, 1)), np.array(1.0)):
+        np.save(source, array)
+        done = copy("float64", source, target)
+        assert done.returncode == 2 and str(source) in done.stderr, (array, done)
+
+
+def check_safetensors(folder):
+    array = np.arange(12, dtype="float32").reshape(4, 3)
+    np.save(folder / "array.npy", array)
+    done = copy("safetensors", folder / "array.npy", folder / "array.safetensors")
+    assert done.returncode == 0, done.stderr
+    data = (folder / "array.safetensors").read_bytes()
+    (size,) = struct.unpack("<Q", data[:8])
+    header = json.loads(data[8:8 + size])
+    assert size % 8 == 0 and header.pop("__metadata__") == {"made by": "rbres"}
+    assert header == {"array": {"dtype": "F32", "shape": [4, 3], "data_offsets": [0, 48]}}
+    assert np.array_equal(np.frombuffer(data[8 + size:], "<f4").reshape(4, 3), array)
+
+    header["array"]["shape"] = [3, 4]
+    text = json.dumps(header).encode()
+    (folder / "python.safetensors").write_bytes(struct.pack("<Q", len(text)) + text + array.tobytes())
+    done = copy("npy", folder / "python.safetensors", folder / "back.npy")
+    assert done.returncode == 0, done.stderr
+    assert np.array_equal(np.load(folder / "back.npy"), array.reshape(3, 4))
+
+
+with tempfile.TemporaryDirectory() as name:
+    check_npy(pathlib.Path(name))
+    check_safetensors(pathlib.Path(name))
