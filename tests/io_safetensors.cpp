@@ -88,11 +88,18 @@ TEST_CASE("what cannot be written is refused") {
   writer.add("a", {1}, values);
   CHECK(contains(error_of([&] { writer.add("a", {1}, values); }), "found 'a' twice"));
   CHECK_THROWS_AS(writer.add("__metadata__", {1}, values), Error);
-  CHECK(error_of([&] { writer.add("b", {2}, values); }) ==
-        "tensor 'b': expected finite numbers, found inf at index 1");
   writer.metadata["key"] = "\xff";
   CHECK(contains(error_of([&] { writer.write(folder / "a"); }), "must be UTF-8"));
-  CHECK(!std::filesystem::exists(folder / "a"));
+  writer.metadata["key"] = "";
+  writer.add<float>("filled", {2}, [](float* to) { to[0] = 1, to[1] = 2; });
+  CHECK(error_of([&] { writer.write(folder / "a"); }) == "");
+  writer.add("b", {2}, values);
+  CHECK(error_of([&] { writer.write(folder / "b"); }) ==
+        (folder / "b").string() + ": tensor 'b': expected finite numbers, found inf at index 1");
+  CHECK(!std::filesystem::exists(folder / "b"));
+  float filled[2];
+  SafetensorsReader(folder / "a").read("filled", {2}, filled);
+  CHECK(filled[1] == 2);
 }
 
 TEST_CASE("malformed files are refused with what is wrong") {

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <concepts>
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <string>
 #include <string_view>
@@ -39,44 +41,51 @@ void require_finite(const std::string& what, const Scalar* values, std::size_t s
 
 }  // namespace detail
 
-/// Writes named tensors and metadata as one safetensors file (github.com/huggingface/safetensors). It keeps
-/// views: the numbers must outlive write(), and are not copied. Numbers are float, double, std::int64_t,
-/// std::uint64_t or std::uint8_t.
+/// Writes named tensors and metadata as one safetensors file (github.com/huggingface/safetensors). The
+/// numbers are float, double, std::int64_t, std::uint64_t or std::uint8_t, are not copied, and must stay
+/// until write() is done.
 class SafetensorsWriter {
  public:
   Metadata metadata;
 
-  /// `values` points to the tensor's numbers in row-major (C) order. Error when the name is taken or a number
-  /// is not finite.
+  /// `values` points to the tensor's numbers in row-major (C) order. Error when the name is taken.
   template <class Scalar>
   void add(const std::string& name, std::vector<Eigen::Index> shape, const Scalar* values) {
-    static_assert(!detail::safetensors_dtype<Scalar>().empty(), "rbres: no safetensors of this type");
-    std::size_t size = 1;
-    for (const Eigen::Index extent : shape) size *= static_cast<std::size_t>(extent);
-    detail::require_finite("tensor '" + name + "'", values, size);
-    Tensor tensor{std::string(detail::safetensors_dtype<Scalar>()), std::move(shape), values,
-                  size * sizeof(Scalar)};
-    if (name == "__metadata__" || !tensors_.emplace(name, std::move(tensor)).second)
-      detail::refuse("tensor names", "each once", "'" + name + "' twice");
+    insert<Scalar>(name, std::move(shape),
+                   [values](AtomicFile& file, const std::string& what, std::size_t size) {
+                     detail::require_finite(what, values, size);
+                     file.write(values, size * sizeof(Scalar));
+                   });
   }
 
-  /// Writes the file atomically; see AtomicFile for the errors.
+  /// For numbers that stand in another order: fill(Scalar* to) puts them in row-major order when the file is
+  /// written, so that only one tensor at a time is in memory twice.
+  template <class Scalar, std::invocable<Scalar*> Fill>
+  void add(const std::string& name, std::vector<Eigen::Index> shape, Fill fill) {
+    insert<Scalar>(name, std::move(shape),
+                   [fill](AtomicFile& file, const std::string& what, std::size_t size) {
+                     std::vector<Scalar> values(size);
+                     fill(values.data());
+                     detail::require_finite(what, values.data(), size);
+                     file.write(values.data(), size * sizeof(Scalar));
+                   });
+  }
+
+  /// Writes the file atomically; see AtomicFile for the errors. Error too when a number is not finite, or a
+  /// name or the metadata are not UTF-8.
   void write(const std::filesystem::path& path) const {
     // The widest type first keeps every tensor aligned, also for readers that map the file.
     std::vector<const std::pair<const std::string, Tensor>*> in_order;
     for (const auto& entry : tensors_) in_order.push_back(&entry);
-    std::stable_sort(in_order.begin(), in_order.end(), [](auto a, auto b) {
-      return detail::safetensors_dtype_size(a->second.dtype) >
-             detail::safetensors_dtype_size(b->second.dtype);
-    });
+    std::stable_sort(in_order.begin(), in_order.end(),
+                     [](auto a, auto b) { return a->second.number_bytes > b->second.number_bytes; });
     nlohmann::json header = nlohmann::json::object();
     if (!metadata.empty()) header["__metadata__"] = metadata;
     std::size_t end = 0;
     for (const auto* entry : in_order) {
       const auto& [name, tensor] = *entry;
-      header[name] = {
-          {"dtype", tensor.dtype}, {"shape", tensor.shape}, {"data_offsets", {end, end + tensor.bytes}}};
-      end += tensor.bytes;
+      const std::size_t begin = std::exchange(end, end + tensor.size * tensor.number_bytes);
+      header[name] = {{"dtype", tensor.dtype}, {"shape", tensor.shape}, {"data_offsets", {begin, end}}};
     }
     std::string json;
     try {
@@ -89,17 +98,33 @@ class SafetensorsWriter {
     const std::uint64_t size = json.size();
     file.write(&size, sizeof size);
     file.write(json.data(), json.size());
-    for (const auto* entry : in_order) file.write(entry->second.data, entry->second.bytes);
+    for (const auto* entry : in_order) {
+      const auto& [name, tensor] = *entry;
+      tensor.write(file, detail::text(path.string(), ": tensor '", name, "'"), tensor.size);
+    }
     file.commit();
   }
 
  private:
   struct Tensor {
     std::string dtype;
+    std::size_t number_bytes;
     std::vector<Eigen::Index> shape;
-    const void* data;
-    std::size_t bytes;
+    std::size_t size;  ///< numbers: the product of the shape
+    std::function<void(AtomicFile&, const std::string& what, std::size_t size)> write;
   };
+
+  template <class Scalar, class Write>
+  void insert(const std::string& name, std::vector<Eigen::Index> shape, Write write) {
+    constexpr std::string_view dtype = detail::safetensors_dtype<Scalar>();
+    static_assert(!dtype.empty(), "rbres: no safetensors of this type");
+    std::size_t size = 1;
+    for (const Eigen::Index extent : shape) size *= static_cast<std::size_t>(extent);
+    Tensor tensor{std::string(dtype), sizeof(Scalar), std::move(shape), size, std::move(write)};
+    if (name == "__metadata__" || !tensors_.emplace(name, std::move(tensor)).second)
+      detail::refuse("tensor names", "each once", "'" + name + "' twice");
+  }
+
   std::map<std::string, Tensor> tensors_;
 };
 

@@ -1,0 +1,248 @@
+#pragma once
+
+#include <rbres/contact/manifold.hpp>
+
+namespace rbres {
+
+/// A body as impulses see it.
+template <class S>
+struct Motion {
+  Vec3<S> position;          ///< centre of mass, world frame, m
+  Vec3<S> velocity;          ///< world frame, m/s
+  Vec3<S> angular_velocity;  ///< world frame, rad/s
+  S inverse_mass;            ///< 1/kg
+  Mat3<S> inverse_inertia;   ///< world frame, 1/(kg m^2)
+};
+
+template <class S, class Shape>
+Motion<S> motion_of(const Body<S, Shape>& body, const RigidState<S>& state) {
+  const Mat3<S> axes = rotation_matrix(state.orientation);
+  return {state.position, state.velocity, axes * state.angular_velocity, body.inverse_mass(),
+          rotated_diagonal(axes, body.inverse_inertia())};
+}
+/// Writes the velocities back.
+template <class S>
+void set_velocities(RigidState<S>& state, const Motion<S>& motion) {
+  state.velocity = motion.velocity;
+  state.angular_velocity = rotate_back(state.orientation, motion.angular_velocity);
+}
+
+/// One point of contact between two bodies, or between a plane (first) and a body: its three directions, what
+/// a unit impulse along each does, and the impulse so far. Velocities are v_r = v_2 + w_2 x r_2 - v_1 - w_1 x
+/// r_1 (the paper's equation 5), impulses +p on the second body and -p on the first.
+template <class S, bool Fixed>
+class ContactPoint {
+ public:
+  ContactPoint() = default;
+
+  /// `first` is not read where it is a plane.
+  ContactPoint(const Vec3<S>& normal, const Vec3<S>& point, const Motion<S>& first, const Motion<S>& second) {
+    // A tangent frame without a branch on the normal's direction (Duff et al. 2017).
+    const S sign = select(normal.z < S(0), S(-1), S(1));
+    const S a = S(-1) / (sign + normal.z), b = normal.x * normal.y * a;
+    direction_[0] = normal;
+    direction_[1] = {S(1) + sign * normal.x * normal.x * a, sign * b, -sign * normal.x};
+    direction_[2] = {b, sign + normal.y * normal.y * a, -normal.y};
+    for (std::size_t d = 0; d < 3; ++d) {
+      arm2_[d] = cross(point - second.position, direction_[d]);
+      spin2_[d] = second.inverse_inertia * arm2_[d];
+      if constexpr (!Fixed) {
+        arm1_[d] = cross(point - first.position, direction_[d]);
+        spin1_[d] = first.inverse_inertia * arm1_[d];
+      }
+    }
+    normal_mass_ = S(1) / response(0, 0, first, second);
+    const S uu = response(1, 1, first, second), vv = response(2, 2, first, second),
+            uv = response(1, 2, first, second);
+    const S inverse = S(1) / (uu * vv - uv * uv);
+    mass_uu_ = vv * inverse;
+    mass_vv_ = uu * inverse;
+    mass_uv_ = -uv * inverse;
+  }
+
+  /// Velocity of the second surface relative to the first along direction d: 0 the normal, 1 and 2 the
+  /// tangents, m/s.
+  S velocity(std::size_t d, const Motion<S>& first, const Motion<S>& second) const {
+    S v = dot(direction_[d], second.velocity) + dot(arm2_[d], second.angular_velocity);
+    if constexpr (!Fixed) v -= dot(direction_[d], first.velocity) + dot(arm1_[d], first.angular_velocity);
+    return v;
+  }
+
+  /// Brings the point towards its law, the others held: along the normal towards the speed `target`, or no
+  /// impulse where it leaves faster; along the surface towards sticking, with no more than friction times the
+  /// normal impulse (the paper's equations 6 to 8, with the impulse's sign such that bodies part). Only where
+  /// `active`. Returns how far the normal speed was off (m/s).
+  S relax(const S& target, const S& friction, const MaskOf<S>& active, Motion<S>& first, Motion<S>& second) {
+    using std::abs;
+    using std::sqrt;
+    const S fault = target - velocity(0, first, second);
+    const S pushed = select(active, maximum(S(impulse_[0] + normal_mass_ * fault), S(0)), impulse_[0]);
+    const S change = pushed - impulse_[0];
+    impulse_[0] = pushed;
+    push(change, S(0), S(0), first, second);
+
+    const S u = velocity(1, first, second), v = velocity(2, first, second);
+    S pu = impulse_[1] - (mass_uu_ * u + mass_uv_ * v), pv = impulse_[2] - (mass_uv_ * u + mass_vv_ * v);
+    const S length2 = pu * pu + pv * pv, most = friction * pushed;
+    const MaskOf<S> slides = length2 > most * most;
+    const S share = select(slides, S(most / sqrt(select(slides, length2, S(1)))), S(1));
+    pu = select(active, S(share * pu), impulse_[1]);
+    pv = select(active, S(share * pv), impulse_[2]);
+    push(S(0), pu - impulse_[1], pv - impulse_[2], first, second);
+    impulse_[1] = pu;
+    impulse_[2] = pv;
+    return abs(change) / normal_mass_;
+  }
+
+  /// Applies a share of the impulse found so far.
+  void apply(const S& share, Motion<S>& first, Motion<S>& second) const {
+    push(share * impulse_[0], share * impulse_[1], share * impulse_[2], first, second);
+  }
+  /// Impulse along the normal and the two tangents, N s.
+  const std::array<S, 3>& impulse() const { return impulse_; }
+
+ private:
+  S response(std::size_t d, std::size_t e, const Motion<S>& first, const Motion<S>& second) const {
+    S k = dot(arm2_[d], spin2_[e]);
+    if constexpr (!Fixed) k += dot(arm1_[d], spin1_[e]);
+    if (d == e) {
+      k += second.inverse_mass;
+      if constexpr (!Fixed) k += first.inverse_mass;
+    }
+    return k;
+  }
+  void push(const S& n, const S& u, const S& v, Motion<S>& first, Motion<S>& second) const {
+    const Vec3<S> p = n * direction_[0] + u * direction_[1] + v * direction_[2];
+    second.velocity += second.inverse_mass * p;
+    second.angular_velocity += n * spin2_[0] + u * spin2_[1] + v * spin2_[2];
+    if constexpr (!Fixed) {
+      first.velocity -= first.inverse_mass * p;
+      first.angular_velocity -= n * spin1_[0] + u * spin1_[1] + v * spin1_[2];
+    }
+  }
+
+  std::array<Vec3<S>, 3> direction_, arm1_, arm2_, spin1_, spin2_;
+  S normal_mass_{}, mass_uu_{}, mass_uv_{}, mass_vv_{};
+  std::array<S, 3> impulse_{};
+};
+
+/// What two surfaces agree on.
+template <class S>
+struct Surface {
+  S restitution, friction;
+};
+
+/// Resolves the impact of one pair: all its points at once, each leaving with restitution times the speed it
+/// came with (plastic below `rest_speed`), friction by Coulomb's law. Points take part where `touching` holds
+/// and they do not part; nothing happens in lanes where none approaches faster than `least_speed`. Returns
+/// where an impact happened.
+///
+/// The law is dissipative without friction, and with friction where normal and tangent do not mix. Where they
+/// do (boxes), Newton's restitution together with Coulomb's friction may create energy (Kane and Levinson
+/// 1985): there the impulse is drawn back towards the frictionless one, which keeps the restitution and the
+/// cone, until energy does not rise.
+template <bool Fixed, class S, int P, bool Central>
+MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
+                         const std::type_identity_t<std::array<MaskOf<S>, P>>& touching,
+                         const Surface<S>& surface, const S& rest_speed, const S& least_speed,
+                         Motion<S>& first, Motion<S>& second) {
+  constexpr int sweeps = Central ? 1 : 200;
+  std::array<ContactPoint<S, Fixed>, P> point;
+  std::array<S, P> target, before[3];
+  std::array<MaskOf<S>, P> active;
+  MaskOf<S> hit(false);
+  S fastest(0);
+  for (std::size_t i = 0; i < P; ++i) {
+    active[i] = touching[i];
+    target[i] = S(0);
+    if (!any(touching[i])) continue;
+    point[i] = ContactPoint<S, Fixed>(manifold.normal, manifold.point[i], first, second);
+    for (std::size_t d = 0; d < 3; ++d) before[d][i] = point[i].velocity(d, first, second);
+    const S& speed = before[0][i];
+    active[i] = touching[i] & (speed <= S(0));
+    target[i] = select(speed < -rest_speed, S(-surface.restitution * speed), S(0));
+    hit = hit | (active[i] & (speed < -least_speed));
+    fastest = maximum(fastest, select(active[i], S(-speed), S(0)));
+  }
+  if (!any(hit)) return hit;
+
+  const auto solve = [&](const S& friction) {
+    MaskOf<S> working = hit;
+    const S enough = S(8) * S(Constants<S>::epsilon) * fastest;
+    for (int sweep = 0; sweep < sweeps; ++sweep) {
+      S worst(0);
+      for (std::size_t i = 0; i < P; ++i) {
+        if (!any(active[i])) continue;
+        worst = maximum(worst, point[i].relax(target[i], friction, active[i] & working, first, second));
+      }
+      working = working & (worst > enough);
+      if (!any(working)) break;
+    }
+  };
+  if constexpr (Central) {
+    solve(surface.friction);
+  } else {
+    const Motion<S> first_before = first, second_before = second;
+    // Work of the impulses: impulse times the mean of the velocities before and after.
+    const auto work = [&](auto&& term) {
+      S sum(0);
+      for (std::size_t i = 0; i < P; ++i) {
+        if (!any(active[i])) continue;
+        for (std::size_t d = 0; d < 3; ++d) {
+          sum += select(active[i] & hit, S(term(i, d)), S(0));
+        }
+      }
+      return sum;
+    };
+    solve(surface.friction);
+    std::array<std::array<S, 3>, P> rubbed{}, rubbed_after{};
+    for (std::size_t i = 0; i < P; ++i) {
+      if (!any(active[i])) continue;
+      rubbed[i] = point[i].impulse();
+      for (std::size_t d = 0; d < 3; ++d) rubbed_after[i][d] = point[i].velocity(d, first, second);
+    }
+    const S gained = work([&](std::size_t i, std::size_t d) {
+      return S(0.5) * rubbed[i][d] * (before[d][i] + rubbed_after[i][d]);
+    });
+    const MaskOf<S> created = gained > S(0);
+    if (any(created)) {
+      const Motion<S> first_rubbed = first, second_rubbed = second;
+      first = first_before;
+      second = second_before;
+      for (std::size_t i = 0; i < P; ++i) {
+        if (any(active[i]))
+          point[i] = ContactPoint<S, Fixed>(manifold.normal, manifold.point[i], first, second);
+      }
+      solve(S(0));
+      // Energy along the way from the frictionless solution (s = 0) to the other (s = 1): a + b s + c s^2.
+      std::array<std::array<S, 3>, P> plain_after{};
+      for (std::size_t i = 0; i < P; ++i) {
+        if (!any(active[i])) continue;
+        for (std::size_t d = 0; d < 3; ++d) plain_after[i][d] = point[i].velocity(d, first, second);
+      }
+      const S a = work([&](std::size_t i, std::size_t d) {
+        return S(0.5) * point[i].impulse()[d] * (before[d][i] + plain_after[i][d]);
+      });
+      const S c = work([&](std::size_t i, std::size_t d) {
+        return S(0.5) * (rubbed[i][d] - point[i].impulse()[d]) * (rubbed_after[i][d] - plain_after[i][d]);
+      });
+      const S b = gained - a - c;
+      using std::sqrt;
+      const S root = b + sqrt(maximum(S(b * b - S(4) * a * c), S(0)));
+      const S s =
+          select(root > S(0), clamp(S(S(-2) * a / select(root > S(0), root, S(1))), S(0), S(1)), S(0));
+      const auto blend = [&](Motion<S>& plain, const Motion<S>& rubbed_motion) {
+        const S share = select(created, s, S(1));
+        plain.velocity += share * (rubbed_motion.velocity - plain.velocity);
+        plain.angular_velocity += share * (rubbed_motion.angular_velocity - plain.angular_velocity);
+        plain.velocity = select(created, plain.velocity, rubbed_motion.velocity);
+        plain.angular_velocity = select(created, plain.angular_velocity, rubbed_motion.angular_velocity);
+      };
+      blend(first, first_rubbed);
+      blend(second, second_rubbed);
+    }
+  }
+  return hit;
+}
+
+}  // namespace rbres

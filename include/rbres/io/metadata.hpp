@@ -1,0 +1,39 @@
+#pragma once
+
+#include <limits>
+#include <locale>
+#include <sstream>
+#include <string>
+#include <string_view>
+
+#include <Eigen/Core>
+
+#include <rbres/core/error.hpp>
+
+namespace rbres::detail {
+
+/// Numbers as text that reads back to the same bits, column by column: for the few that stand in a file's
+/// metadata, where a tensor would be one too many for PyTorch's load_state_dict.
+template <class Derived>
+std::string numbers_to_text(const Eigen::DenseBase<Derived>& numbers) {
+  std::ostringstream out;
+  out.imbue(std::locale::classic());
+  out.precision(std::numeric_limits<typename Derived::Scalar>::max_digits10);
+  for (Eigen::Index column = 0; column < numbers.cols(); ++column)
+    for (Eigen::Index row = 0; row < numbers.rows(); ++row) out << numbers(row, column) << ' ';
+  return out.str();
+}
+
+/// Reads as many numbers as `numbers` has; Error that begins with `what` when the text holds anything else.
+template <class Derived>
+void numbers_from_text(std::string_view what, const std::string& text, Eigen::DenseBase<Derived>& numbers) {
+  const std::string expected = detail::text(numbers.size(), " finite numbers");
+  std::istringstream in(text);
+  in.imbue(std::locale::classic());
+  for (Eigen::Index column = 0; column < numbers.cols(); ++column)
+    for (Eigen::Index row = 0; row < numbers.rows(); ++row)
+      if (!(in >> numbers(row, column))) refuse(what, expected, "fewer, or something else");
+  if (!(in >> std::ws).eof()) refuse(what, expected, "more");
+}
+
+}  // namespace rbres::detail
