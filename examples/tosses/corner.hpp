@@ -8,13 +8,14 @@
 
 namespace rbres::tosses {
 
-/// A step that a learned one corrects: free flight, or the simulator. From a state to the one a frame later, of which
-/// only the velocities count.
+/// A step that a learned one corrects: free flight, or the simulator. From a state to the one a frame later.
 using Prior = std::function<State(const State&)>;
 
+/// A frame of motion without contact; the cube's spin keeps its body-frame value, its three moments of inertia being equal.
 inline State free_flight(const State& state) {
   State next = state;
-  next.velocity.z -= gravity * frame_time;
+  next.velocity = next.angular_velocity = {};
+  add_velocity(next, state.velocity + Vec3<double>{0, 0, -gravity * frame_time}, state.angular_velocity);
   return next;
 }
 

@@ -6,7 +6,7 @@
 
 namespace rbres::tosses {
 
-/// A rigid body's step with learned contacts: the prior's velocities, and an impulse at each corner that comes near the
+/// A rigid body's step with learned contacts: the prior's step, and an impulse at each corner that comes near the
 /// floor, which one small network gives for all corners alike. With free flight as the prior this is the network alone,
 /// with the simulator it is the hybrid.
 template <class Net>
@@ -23,8 +23,7 @@ struct CornerPredictor {
     const State free = free_flight(state);
     const Posture<double> posture(state, floor, next.velocity - free.velocity,
                                   next.angular_velocity - free.angular_velocity);
-    next.position = state.position;
-    next.orientation = state.orientation;
+    Vec3<double> change, spin;
     for (int i = 0; i < Corner<double>::count; ++i) {
       if (!Corner<double>(posture, i, 0).active()) continue;
       // The mean over the three ways to number a corner's edges, so that the cube's symmetry is exact.
@@ -37,10 +36,10 @@ struct CornerPredictor {
       }
       const Corner<double> corner(posture, i, 0);
       const Vec3<double> impulse = corner.impulse(mean);
-      next.velocity += impulse;
-      next.angular_velocity += corner.spin_of(impulse);
+      change += impulse;
+      spin += corner.spin_of(impulse);
     }
-    advance_pose(next);
+    add_velocity(next, change, spin);
     return next;
   }
 };

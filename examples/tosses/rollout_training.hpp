@@ -29,22 +29,18 @@ inline double pose_error(const State& predicted, const State& measured, double s
   return error;
 }
 
-/// advance_pose backwards, from the gradient by the state after to that by the state before (pose) and by the velocities
-/// that moved it: the rotation's derivative by w is the right Jacobian of the exponential map (Sola, Deray, Atchuthan
-/// 2018, "A micro Lie theory", equation 143).
-inline void pull_back_pose(const Vec3<double>& angular_velocity, Adjoint& gradient) {
-  const Vec3<double> turn = frame_time * angular_velocity;
-  const Vec3<double> rotation(gradient.segment<3>(3));
+/// From the gradient by a rotation that ended with a turn (rotation vector in rad; both in the body frame) to that by the rotation before it,
+/// in place, and that by the turn, which is returned: the right Jacobian of the exponential map (Sola, Deray, Atchuthan
+/// 2018, "A micro Lie theory", equation 143), transposed.
+inline Eigen::Vector3d pull_back_turn(const Vec3<double>& turn, Eigen::Ref<Eigen::Vector3d> gradient) {
+  const Vec3<double> after(gradient);
   const double square = squared_norm(turn), angle = std::sqrt(square);
   const bool small = angle < 1e-4;
   const double a = small ? 0.5 : (1 - std::cos(angle)) / square;
   const double b = small ? 1.0 / 6 : (angle - std::sin(angle)) / (square * angle);
-  const Vec3<double> once = cross(turn, rotation), twice = cross(turn, once);
-  const Vec3<double> by_spin = frame_time * (rotation + a * once + b * twice);
-  const Vec3<double> before = rotate(rotation_of(turn), rotation);
-  gradient.segment<3>(3) << before.x, before.y, before.z;
-  gradient.segment<3>(6) += frame_time * gradient.segment<3>(0);
-  gradient.segment<3>(9) += Eigen::Vector3d(by_spin);
+  const Vec3<double> once = cross(turn, after), twice = cross(turn, once);
+  gradient = Eigen::Vector3d(rotate(rotation_of(turn), after));
+  return after + a * once + b * twice;
 }
 
 /// Forward and backward pass of some rollouts at once, a network call per frame for all corners of all rollouts.
@@ -63,7 +59,8 @@ class Rollouts {
         steps_(static_cast<std::size_t>(frames)),
         loss_{.output_weights = std::vector<T>(Net::output_size)},
         gradient_(Net::block_size),
-        adjoints_(static_cast<std::size_t>(count)) {
+        adjoints_(static_cast<std::size_t>(count)),
+        learned_(adjoints_.size()) {
     for (Step& step : steps_) {
       step.before.resize(adjoints_.size());
       step.after.resize(adjoints_.size());
@@ -113,7 +110,7 @@ class Rollouts {
   };
   struct Step {
     std::vector<State> before, after;
-    std::vector<Vec3<double>> push, twist;
+    std::vector<Vec3<double>> push, twist, change, spin;
     std::vector<Contact> contacts;
     Columns inputs, outputs;
   };
@@ -122,14 +119,14 @@ class Rollouts {
     step.contacts.clear();
     step.push.clear();
     step.twist.clear();
+    step.change.assign(step.before.size(), {});
+    step.spin.assign(step.before.size(), {});
     for (std::size_t i = 0; i < step.before.size(); ++i) {
       const State& state = step.before[i];
       const State free = free_flight(state);
-      State& next = step.after[i] = predictor.prior(state);
+      const State& next = step.after[i] = predictor.prior(state);
       step.push.push_back(next.velocity - free.velocity);
       step.twist.push_back(next.angular_velocity - free.angular_velocity);
-      next.position = state.position;
-      next.orientation = state.orientation;
       const Posture<double> posture(state, predictor.floor, step.push[i], step.twist[i]);
       for (int c = 0; c < Corner<double>::count; ++c) {
         const Corner<double> corner(posture, c, turns[i]);
@@ -147,22 +144,30 @@ class Rollouts {
       const Posture<double> posture(step.before[i], predictor.floor, step.push[i], step.twist[i]);
       const Corner<double> corner(posture, c, turns[i]);
       const Vec3<double> impulse = corner.impulse(step.outputs.col(n));
-      step.after[i].velocity += impulse;
-      step.after[i].angular_velocity += corner.spin_of(impulse);
+      step.change[i] += impulse;
+      step.spin[i] += corner.spin_of(impulse);
     }
-    for (State& next : step.after) advance_pose(next);
+    for (std::size_t i = 0; i < step.after.size(); ++i) add_velocity(step.after[i], step.change[i], step.spin[i]);
   }
 
   /// From the adjoints of the states after to those of the states before, adding to the parameters' gradient.
   void backward(const CornerPredictor<Net>& predictor, const std::vector<int>& turns, const Step& step) {
-    for (std::size_t i = 0; i < adjoints_.size(); ++i) pull_back_pose(step.after[i].angular_velocity, adjoints_[i]);
+    // What the learned velocities change, and then free flight, which stands for the prior.
+    for (std::size_t i = 0; i < adjoints_.size(); ++i) {
+      Adjoint& adjoint = adjoints_[i];
+      auto rotation = adjoint.segment<3>(3);
+      learned_[i] << adjoint.segment<3>(6) + frame_time * adjoint.segment<3>(0),
+          adjoint.segment<3>(9) + frame_time * pull_back_turn(frame_time * step.spin[i], rotation);
+      adjoint.segment<3>(6) += frame_time * adjoint.segment<3>(0);
+      adjoint.segment<3>(9) += frame_time * pull_back_turn(frame_time * step.before[i].angular_velocity, rotation);
+    }
     const std::size_t columns = step.contacts.size();
     if (columns == 0) return;
     for (std::size_t n = 0; n < columns; ++n) {
       const auto [i, c] = step.contacts[n];
       const Posture<double> posture(step.before[i], predictor.floor, step.push[i], step.twist[i]);
       const Corner<double> corner(posture, c, turns[i]);
-      const Vec3<double> by_velocity(adjoints_[i].template segment<3>(6)), by_spin(adjoints_[i].template segment<3>(9));
+      const Vec3<double> by_velocity(learned_[i].template head<3>()), by_spin(learned_[i].template tail<3>());
       const Vec3<double> by_impulse = by_velocity + (mass / inertia) * cross(posture.axes * by_spin, corner.arm());
       std::array<double, Corner<double>::coefficients> by_output;
       corner.pull_back(by_impulse, by_output);
@@ -177,8 +182,6 @@ class Rollouts {
       detail::store(gradient_.data() + place, detail::load(gradient_.data() + place) + g);
     });
     const auto by_input = backpropagation_.input_gradient();
-    // Each corner's part goes into the adjoint of its rollout only when all of them have read it.
-    changes_.assign(adjoints_.size(), Adjoint::Zero());
     for (std::size_t n = 0; n < columns; ++n) {
       const auto [i, c] = step.contacts[n];
       const Posture<Dual> posture(with_derivatives(step.before[i]), predictor.floor, step.push[i], step.twist[i]);
@@ -186,18 +189,16 @@ class Rollouts {
       const auto column = static_cast<Eigen::Index>(n);
       const Vec3<Dual> impulse = corner.impulse(step.outputs.col(column));
       const Vec3<Dual> spin = corner.spin_of(impulse);
-      Eigen::Matrix<double, 10, 1> by_state = Eigen::Matrix<double, 10, 1>::Zero();
-      const Adjoint& after = adjoints_[i];
-      by_state += after[6] * impulse.x.derivatives() + after[7] * impulse.y.derivatives() +
-                  after[8] * impulse.z.derivatives() + after[9] * spin.x.derivatives() +
-                  after[10] * spin.y.derivatives() + after[11] * spin.z.derivatives();
+      const auto& by = learned_[i];
+      Eigen::Matrix<double, 10, 1> by_state = by[0] * impulse.x.derivatives() + by[1] * impulse.y.derivatives() +
+                                              by[2] * impulse.z.derivatives() + by[3] * spin.x.derivatives() +
+                                              by[4] * spin.y.derivatives() + by[5] * spin.z.derivatives();
       const auto x = corner.encode();
       for (std::size_t k = 0; k < x.size(); ++k) {
         by_state += static_cast<double>(by_input(static_cast<Eigen::Index>(k), column)) * x[k].derivatives();
       }
-      changes_[i].template tail<10>() += by_state;
+      adjoints_[i].template tail<10>() += by_state;
     }
-    for (std::size_t i = 0; i < adjoints_.size(); ++i) adjoints_[i] += changes_[i];
   }
 
   static ColumnsView<T> columns_of(const Columns& matrix) { return {matrix.data(), matrix.rows(), matrix.cols()}; }
@@ -229,7 +230,8 @@ class Rollouts {
   Columns pulled_;
   std::size_t pulled_columns_ = 0;
   AlignedBuffer<T> gradient_;
-  std::vector<Adjoint> adjoints_, changes_;
+  std::vector<Adjoint> adjoints_;
+  std::vector<Eigen::Matrix<double, 6, 1>> learned_;  ///< gradients by what the network adds to each rollout's velocities
 };
 
 struct RolloutTraining {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <rbres/body/state.hpp>
@@ -76,10 +77,25 @@ inline Quat<double> rotation_of(const Vec3<double>& v) {
   return {axis.x, axis.y, axis.z, std::cos(half)};
 }
 
-/// One frame later with the state's own velocities, in the data's convention.
-inline void advance_pose(State& state) {
-  state.position += frame_time * state.velocity;
-  state.orientation = normalized(state.orientation * rotation_of(frame_time * state.angular_velocity));
+/// The floor's height, m: the median over tosses of where the cube's lowest corner is in the last frame, at rest.
+inline double floor_height(const std::vector<Toss>& tosses) {
+  std::vector<double> lowest;
+  for (const Toss& toss : tosses) {
+    const Mat3<double> axes = rotation_matrix(toss.back().orientation);
+    lowest.push_back(toss.back().position.z -
+                     half_width * (std::abs(axes.x.z) + std::abs(axes.y.z) + std::abs(axes.z.z)));
+  }
+  const auto middle = lowest.begin() + std::ssize(lowest) / 2;
+  std::nth_element(lowest.begin(), middle, lowest.end());
+  return *middle;
+}
+
+/// A frame with more velocity, which moves the pose along: by these changes of velocity and of body-frame spin.
+inline void add_velocity(State& state, const Vec3<double>& change, const Vec3<double>& spin) {
+  state.position += frame_time * change;
+  state.orientation = normalized(state.orientation * rotation_of(frame_time * spin));
+  state.velocity += change;
+  state.angular_velocity += spin;
 }
 
 }  // namespace rbres::tosses
