@@ -1,4 +1,5 @@
 #include "../examples/tosses/rollout_training.hpp"
+#include "../examples/tosses/simulator.hpp"
 
 #include <doctest/doctest.h>
 
@@ -19,16 +20,6 @@ State falling(std::uint64_t seed) {
   return state;
 }
 
-/// The state moved along direction k of its tangent space: position, body rotation, velocity, angular velocity.
-State moved(State state, int k, double by) {
-  Eigen::Matrix<double, 12, 1> d = by * Eigen::Matrix<double, 12, 1>::Unit(k);
-  state.position += Vec3<double>(d.segment<3>(0));
-  state.orientation = state.orientation * rotation_of(Vec3<double>(d.segment<3>(3)));
-  state.velocity += Vec3<double>(d.segment<3>(6));
-  state.angular_velocity += Vec3<double>(d.segment<3>(9));
-  return state;
-}
-
 }  // namespace
 
 TEST_CASE("the pose error's gradient is that of central differences") {
@@ -45,7 +36,11 @@ TEST_CASE("the pose error's gradient is that of central differences") {
 
 TEST_CASE("the gradient through a rollout is that of central differences") {
   constexpr int frames = 6, count = 3;
-  CornerPredictor<Net> predictor{Net(5), free_flight, -0.002};
+  const double floor = -0.002;
+  Prior prior = free_flight;
+  SUBCASE("over free flight") {}
+  SUBCASE("over the simulator") { prior = Simulator({.restitution = 0.1, .friction = 0.2}, floor); }
+  CornerPredictor<Net> predictor{Net(5), prior, floor};
   std::vector<State> measured;
   std::vector<const State*> starts;
   for (int i = 0; i < count; ++i) {

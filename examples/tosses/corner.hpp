@@ -29,14 +29,14 @@ struct Posture {
   Vec3<S> push;       ///< what the prior adds to that velocity
   Vec3<S> twist;      ///< what the prior adds to the spin
 
-  /// `added` and `added_spin` (body frame): what the prior's velocities are above those of free flight.
-  Posture(const RigidState<S>& state, double floor, const Vec3<double>& added, const Vec3<double>& added_spin)
+  /// `push_` and `twist_`: what the prior's velocity (world) and spin (body frame) are above those of free flight.
+  Posture(const RigidState<S>& state, double floor, const Vec3<S>& push_, const Vec3<S>& twist_)
       : axes(rotation_matrix(state.orientation)),
         height(state.position.z - S(floor)),
         velocity(state.velocity.x, state.velocity.y, state.velocity.z - S(gravity * frame_time)),
         spin(axes * state.angular_velocity),
-        push(S(added.x), S(added.y), S(added.z)),
-        twist(axes * Vec3<S>{S(added_spin.x), S(added_spin.y), S(added_spin.z)}) {}
+        push(push_),
+        twist(axes * twist_) {}
 
   /// Where a point fixed to the cube, `arm` from its centre, would be above the floor at the frame's end, in free flight.
   S coming_height(const Vec3<S>& arm) const {
@@ -77,7 +77,8 @@ class Corner {
 
   bool active() const { return posture_.coming_height(arm_) < S(reach); }
 
-  /// The network's input: velocities in m/s, spins in 10 rad/s, lengths in 0.1 m or, near the floor, in 5 mm.
+  /// The network's input: velocities in m/s, spins in 10 rad/s, lengths in 0.1 m or, near the floor, in 5 mm. It
+  /// saturates beyond what tosses reach, so that a rollout gone astray cannot run away.
   std::array<S, features> encode() const {
     std::array<S, features> x;
     std::size_t n = 0;
@@ -107,6 +108,7 @@ class Corner {
       x[n++] = clamp(S(S(200) * height), S(-2), S(2));
       if (other == 0 || other == 1 || other == 2 || other == 4) x[n++] = S(10) * height;
     }
+    for (S& number : x) number = clamp(number, S(-4), S(4));
     return x;
   }
 
@@ -118,21 +120,16 @@ class Corner {
     return {away * away_.x - across * away_.y + along * slip_.x - beside * slip_.y,
             away * away_.y + across * away_.x + along * slip_.y + beside * slip_.x, up};
   }
-  /// The transpose of impulse.
-  template <class Coefficients>
-  void pull_back(const Vec3<S>& j, Coefficients&& c) const {
-    c[0] = j.x * away_.x + j.y * away_.y;
-    c[1] = j.y * away_.x - j.x * away_.y;
-    c[2] = j.z;
-    c[3] = j.x * slip_.x + j.y * slip_.y;
-    c[4] = j.y * slip_.x - j.x * slip_.y;
-  }
-
   /// What that impulse adds to the body-frame angular velocity.
   Vec3<S> spin_of(const Vec3<S>& impulse) const {
     return S(mass / inertia) * posture_.axes.transposed_times(cross(arm_, impulse));
   }
-  const Vec3<S>& arm() const { return arm_; }
+  /// From the gradient by the velocity and the spin that an impulse changes to that by its coefficients.
+  void pull_back(const Vec3<S>& by_change, const Vec3<S>& by_spin, std::array<S, coefficients>& c) const {
+    const Vec3<S> j = by_change + S(mass / inertia) * cross(posture_.axes * by_spin, arm_);
+    c = {j.x * away_.x + j.y * away_.y, j.y * away_.x - j.x * away_.y, j.z,
+         j.x * slip_.x + j.y * slip_.y, j.y * slip_.x - j.x * slip_.y};
+  }
 
  private:
   const Posture<S>& posture_;

@@ -9,42 +9,12 @@
 #include <Eigen/Core>  // AutoDiff does not include it itself
 #include <unsupported/Eigen/AutoDiff>
 
+#include "adjoint.hpp"
 #include "predictor.hpp"
 
 namespace rbres::tosses {
 
-/// A gradient by a state: by position, by a small rotation in the body frame, by velocity, by angular velocity.
-using Adjoint = Eigen::Matrix<double, 12, 1>;
-
-/// How far a predicted pose is from the measured one, m: sqrt(|dx|^2 + (2 w sin(angle / 2))^2 + (4 mm)^2), w the half
-/// width. Adds its gradient by the pose times `scale`.
-inline double pose_error(const State& predicted, const State& measured, double scale, Adjoint& gradient) {
-  const Vec3<double> dx = predicted.position - measured.position;
-  const Quat<double> d = measured.orientation.conjugate() * predicted.orientation;
-  constexpr double arm = 4 * half_width * half_width;
-  const double error = std::sqrt(squared_norm(dx) + arm * squared_norm(d.imaginary()) + 0.004 * 0.004);
-  const double s = scale / error, r = s * arm * d.w / 2;
-  const double by[6] = {s * dx.x, s * dx.y, s * dx.z, r * d.x, r * d.y, r * d.z};
-  for (int i = 0; i < 6; ++i) gradient[i] += by[i];
-  return error;
-}
-
-/// From the gradient by a rotation that ended with a turn (rotation vector in rad; both in the body frame) to that by the rotation before it,
-/// in place, and that by the turn, which is returned: the right Jacobian of the exponential map (Sola, Deray, Atchuthan
-/// 2018, "A micro Lie theory", equation 143), transposed.
-inline Eigen::Vector3d pull_back_turn(const Vec3<double>& turn, Eigen::Ref<Eigen::Vector3d> gradient) {
-  const Vec3<double> after(gradient);
-  const double square = squared_norm(turn), angle = std::sqrt(square);
-  const bool small = angle < 1e-4;
-  const double a = small ? 0.5 : (1 - std::cos(angle)) / square;
-  const double b = small ? 1.0 / 6 : (angle - std::sin(angle)) / (square * angle);
-  const Vec3<double> once = cross(turn, after), twice = cross(turn, once);
-  gradient = Eigen::Vector3d(rotate(rotation_of(turn), after));
-  return after + a * once + b * twice;
-}
-
 /// Forward and backward pass of some rollouts at once, a network call per frame for all corners of all rollouts.
-/// The prior's own change of velocity is taken as a constant in the backward pass (for free flight, it is one).
 template <class Net>
 class Rollouts {
   using T = typename Net::Scalar;
@@ -60,10 +30,10 @@ class Rollouts {
         loss_{.output_weights = std::vector<T>(Net::output_size)},
         gradient_(Net::block_size),
         adjoints_(static_cast<std::size_t>(count)),
+        slopes_(adjoints_.size()),
         learned_(adjoints_.size()) {
     for (Step& step : steps_) {
-      step.before.resize(adjoints_.size());
-      step.after.resize(adjoints_.size());
+      step.frames.resize(adjoints_.size());
       step.inputs.resize(Net::input_size, count * Corner<double>::count);
       step.outputs.resize(Net::output_size, count * Corner<double>::count);
     }
@@ -83,17 +53,16 @@ class Rollouts {
   double run(const CornerPredictor<Net>& predictor, const std::vector<const State*>& measured,
              const std::vector<int>& turns) {
     double sum = 0;
-    for (std::size_t i = 0; i < measured.size(); ++i) steps_[0].before[i] = measured[i][0];
-    for (std::size_t t = 0; t < steps_.size(); ++t) {
-      forward(predictor, turns, steps_[t]);
-      if (t + 1 < steps_.size()) steps_[t + 1].before = steps_[t].after;
-    }
+    std::vector<State> states;
+    for (const State* start : measured) states.push_back(*start);
     std::fill(gradient_.begin(), gradient_.end(), T{});
     backpropagation_.transpose(predictor.network);
     for (Adjoint& adjoint : adjoints_) adjoint.setZero();
+    for (Step& step : steps_) forward(predictor, turns, states, step);
     for (std::size_t t = steps_.size(); t-- > 0;) {
       for (std::size_t i = 0; i < measured.size(); ++i) {
-        sum += pose_error(steps_[t].after[i], measured[i][t + 1], 1 / static_cast<double>(steps_.size()), adjoints_[i]);
+        sum += pose_error(states[i], measured[i][t + 1], 1 / static_cast<double>(steps_.size()), adjoints_[i]);
+        states[i] = steps_[t].frames[i].before;
       }
       backward(predictor, turns, steps_[t]);
     }
@@ -108,97 +77,135 @@ class Rollouts {
     std::size_t rollout;
     int corner;
   };
+  /// One frame of one rollout.
+  struct Frame {
+    State before, prior;
+    Vec3<double> push, twist;   ///< the prior's velocities above those of free flight
+    Vec3<double> change, spin;  ///< what the network adds to the prior's velocities
+    Posture<double> posture(double floor) const { return {before, floor, push, twist}; }
+  };
+  /// One frame of all rollouts.
   struct Step {
-    std::vector<State> before, after;
-    std::vector<Vec3<double>> push, twist, change, spin;
-    std::vector<Contact> contacts;
+    std::vector<Frame> frames;
+    std::vector<Contact> contacts;  ///< a column of inputs and outputs for each
     Columns inputs, outputs;
   };
 
-  void forward(const CornerPredictor<Net>& predictor, const std::vector<int>& turns, Step& step) {
+  /// Takes the states a frame further, and keeps in `step` what the way back needs.
+  void forward(const CornerPredictor<Net>& predictor, const std::vector<int>& turns, std::vector<State>& states,
+               Step& step) {
     step.contacts.clear();
-    step.push.clear();
-    step.twist.clear();
-    step.change.assign(step.before.size(), {});
-    step.spin.assign(step.before.size(), {});
-    for (std::size_t i = 0; i < step.before.size(); ++i) {
-      const State& state = step.before[i];
-      const State free = free_flight(state);
-      const State& next = step.after[i] = predictor.prior(state);
-      step.push.push_back(next.velocity - free.velocity);
-      step.twist.push_back(next.angular_velocity - free.angular_velocity);
-      const Posture<double> posture(state, predictor.floor, step.push[i], step.twist[i]);
+    for (std::size_t i = 0; i < states.size(); ++i) {
+      const State free = free_flight(states[i]), prior = predictor.prior(states[i]);
+      Frame& frame = step.frames[i] = {states[i], prior, prior.velocity - free.velocity,
+                                       prior.angular_velocity - free.angular_velocity, {}, {}};
+      const Posture<double> posture = frame.posture(predictor.floor);
       for (int c = 0; c < Corner<double>::count; ++c) {
         const Corner<double> corner(posture, c, turns[i]);
         if (!corner.active()) continue;
         const auto x = corner.encode();
-        auto column = step.inputs.col(static_cast<Eigen::Index>(step.contacts.size()));
+        auto column = step.inputs.col(std::ssize(step.contacts));
         for (int k = 0; k < Net::input_size; ++k) column[k] = static_cast<T>(x[static_cast<std::size_t>(k)]);
         step.contacts.push_back({i, c});
       }
     }
-    const auto columns = static_cast<Eigen::Index>(step.contacts.size());
+    const auto columns = std::ssize(step.contacts);
     predictor.network.forward(step.inputs.leftCols(columns), step.outputs.leftCols(columns), workspace_);
-    for (Eigen::Index n = 0; n < columns; ++n) {
+    for (std::ptrdiff_t n = 0; n < columns; ++n) {
       const auto [i, c] = step.contacts[static_cast<std::size_t>(n)];
-      const Posture<double> posture(step.before[i], predictor.floor, step.push[i], step.twist[i]);
+      const Posture<double> posture = step.frames[i].posture(predictor.floor);
       const Corner<double> corner(posture, c, turns[i]);
       const Vec3<double> impulse = corner.impulse(step.outputs.col(n));
-      step.change[i] += impulse;
-      step.spin[i] += corner.spin_of(impulse);
+      step.frames[i].change += impulse;
+      step.frames[i].spin += corner.spin_of(impulse);
     }
-    for (std::size_t i = 0; i < step.after.size(); ++i) add_velocity(step.after[i], step.change[i], step.spin[i]);
+    for (std::size_t i = 0; i < states.size(); ++i) {
+      states[i] = step.frames[i].prior;
+      add_velocity(states[i], step.frames[i].change, step.frames[i].spin);
+    }
   }
 
-  /// From the adjoints of the states after to those of the states before, adding to the parameters' gradient.
+  /// From the adjoints of the states after `step` to those of the states before, adding to the parameters' gradient.
   void backward(const CornerPredictor<Net>& predictor, const std::vector<int>& turns, const Step& step) {
-    // What the learned velocities change, and then free flight, which stands for the prior.
     for (std::size_t i = 0; i < adjoints_.size(); ++i) {
+      const Frame& frame = step.frames[i];
       Adjoint& adjoint = adjoints_[i];
-      auto rotation = adjoint.segment<3>(3);
       learned_[i] << adjoint.segment<3>(6) + frame_time * adjoint.segment<3>(0),
-          adjoint.segment<3>(9) + frame_time * pull_back_turn(frame_time * step.spin[i], rotation);
-      adjoint.segment<3>(6) += frame_time * adjoint.segment<3>(0);
-      adjoint.segment<3>(9) += frame_time * pull_back_turn(frame_time * step.before[i].angular_velocity, rotation);
+          adjoint.segment<3>(9) + frame_time * pull_back_turn(frame_time * frame.spin, adjoint.segment<3>(3));
+      slopes_[i] = slope_of(predictor.prior, frame.before, frame.prior);
+      adjoint.tail<10>() = (slopes_[i].transpose() * adjoint).eval();
     }
-    const std::size_t columns = step.contacts.size();
-    if (columns == 0) return;
-    for (std::size_t n = 0; n < columns; ++n) {
+    if (step.contacts.empty()) return;
+    pull_back_to_outputs(predictor.floor, turns, step);
+    backpropagation_.run(predictor.network, {columns_of(step.inputs), columns_of(step.outputs)}, loss_,
+                         std::span(order_).first(step.contacts.size()), DropoutMask{}, 1, true);
+    backpropagation_.parameter_gradient(1, [this](std::size_t place, detail::Simd<T> g, bool) {
+      detail::store(gradient_.data() + place, detail::load(gradient_.data() + place) + g);
+    });
+    pull_back_to_states(predictor.floor, turns, step);
+  }
+
+  void pull_back_to_outputs(double floor, const std::vector<int>& turns, const Step& step) {
+    pulled_columns_ = step.contacts.size();
+    for (std::size_t n = 0; n < pulled_columns_; ++n) {
       const auto [i, c] = step.contacts[n];
-      const Posture<double> posture(step.before[i], predictor.floor, step.push[i], step.twist[i]);
+      const Posture<double> posture = step.frames[i].posture(floor);
       const Corner<double> corner(posture, c, turns[i]);
-      const Vec3<double> by_velocity(learned_[i].template head<3>()), by_spin(learned_[i].template tail<3>());
-      const Vec3<double> by_impulse = by_velocity + (mass / inertia) * cross(posture.axes * by_spin, corner.arm());
+      const Vec3<double> by_change(learned_[i].template head<3>()), by_spin(learned_[i].template tail<3>());
       std::array<double, Corner<double>::coefficients> by_output;
-      corner.pull_back(by_impulse, by_output);
+      corner.pull_back(by_change, by_spin, by_output);
       for (std::size_t k = 0; k < by_output.size(); ++k) {
         pulled_(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(n)) = static_cast<T>(by_output[k]);
       }
     }
-    pulled_columns_ = columns;
-    backpropagation_.run(predictor.network, {columns_of(step.inputs), columns_of(step.outputs)}, loss_,
-                         std::span(order_).first(columns), DropoutMask{}, 1, true);
-    backpropagation_.parameter_gradient(1, [this](std::size_t place, detail::Simd<T> g, bool) {
-      detail::store(gradient_.data() + place, detail::load(gradient_.data() + place) + g);
-    });
+  }
+
+  /// Through the impulses' directions, and through the network's inputs.
+  void pull_back_to_states(double floor, const std::vector<int>& turns, const Step& step) {
     const auto by_input = backpropagation_.input_gradient();
-    for (std::size_t n = 0; n < columns; ++n) {
+    for (std::size_t n = 0; n < step.contacts.size(); ++n) {
       const auto [i, c] = step.contacts[n];
-      const Posture<Dual> posture(with_derivatives(step.before[i]), predictor.floor, step.push[i], step.twist[i]);
-      const Corner<Dual> corner(posture, c, turns[i]);
       const auto column = static_cast<Eigen::Index>(n);
-      const Vec3<Dual> impulse = corner.impulse(step.outputs.col(column));
-      const Vec3<Dual> spin = corner.spin_of(impulse);
+      const Posture<Dual> posture = with_derivatives(step.frames[i], slopes_[i], floor);
+      const Corner<Dual> corner(posture, c, turns[i]);
+      const Vec3<Dual> change = corner.impulse(step.outputs.col(column));
+      const Vec3<Dual> spin = corner.spin_of(change);
       const auto& by = learned_[i];
-      Eigen::Matrix<double, 10, 1> by_state = by[0] * impulse.x.derivatives() + by[1] * impulse.y.derivatives() +
-                                              by[2] * impulse.z.derivatives() + by[3] * spin.x.derivatives() +
-                                              by[4] * spin.y.derivatives() + by[5] * spin.z.derivatives();
+      auto adjoint = adjoints_[i].template tail<10>();
+      adjoint += by[0] * change.x.derivatives() + by[1] * change.y.derivatives() + by[2] * change.z.derivatives() +
+                 by[3] * spin.x.derivatives() + by[4] * spin.y.derivatives() + by[5] * spin.z.derivatives();
       const auto x = corner.encode();
       for (std::size_t k = 0; k < x.size(); ++k) {
-        by_state += static_cast<double>(by_input(static_cast<Eigen::Index>(k), column)) * x[k].derivatives();
+        adjoint += static_cast<double>(by_input(static_cast<Eigen::Index>(k), column)) * x[k].derivatives();
       }
-      adjoints_[i].template tail<10>() += by_state;
     }
+  }
+
+  static Posture<Dual> with_derivatives(const Frame& frame, const Slope& slope, double floor) {
+    const auto number = [](double x, int place) { return Dual(x, 10, place); };
+    const State& state = frame.before;
+    RigidState<Dual> s;
+    s.position = {Dual(state.position.x), Dual(state.position.y), number(state.position.z, 0)};
+    const Quat<double>& q = state.orientation;
+    s.orientation = {Dual(q.x), Dual(q.y), Dual(q.z), Dual(q.w)};
+    for (int k = 0; k < 3; ++k) {
+      const Quat<double> rate = quaternion_rate(q, Vec3<double>(Eigen::Vector3d::Unit(k)));
+      s.orientation.x.derivatives()[1 + k] = rate.x;
+      s.orientation.y.derivatives()[1 + k] = rate.y;
+      s.orientation.z.derivatives()[1 + k] = rate.z;
+      s.orientation.w.derivatives()[1 + k] = rate.w;
+    }
+    s.velocity = {number(state.velocity.x, 4), number(state.velocity.y, 5), number(state.velocity.z, 6)};
+    s.angular_velocity = {number(state.angular_velocity.x, 7), number(state.angular_velocity.y, 8),
+                          number(state.angular_velocity.z, 9)};
+    // Above free flight, whose velocities only move with the state's.
+    const auto above = [&](double x, int row) {
+      Dual d(x, slope.row(row).transpose());
+      d.derivatives()[row - 2] -= 1;
+      return d;
+    };
+    return {s, floor, {above(frame.push.x, 6), above(frame.push.y, 7), above(frame.push.z, 8)},
+            {above(frame.twist.x, 9), above(frame.twist.y, 10), above(frame.twist.z, 11)}};
   }
 
   static ColumnsView<T> columns_of(const Columns& matrix) { return {matrix.data(), matrix.rows(), matrix.cols()}; }
@@ -231,6 +238,7 @@ class Rollouts {
   std::size_t pulled_columns_ = 0;
   AlignedBuffer<T> gradient_;
   std::vector<Adjoint> adjoints_;
+  std::vector<Slope> slopes_;  ///< of the prior in each rollout
   std::vector<Eigen::Matrix<double, 6, 1>> learned_;  ///< gradients by what the network adds to each rollout's velocities
 };
 
