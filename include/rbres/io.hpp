@@ -6,4 +6,5 @@
 #include <rbres/io/export_header.hpp>
 #include <rbres/io/model.hpp>
 #include <rbres/io/npy.hpp>
+#include <rbres/io/predictor.hpp>
 #include <rbres/io/safetensors.hpp>

@@ -167,7 +167,8 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
     active[i] = touching[i] & (speed <= S(0));
     target[i] = select(speed < -rest_speed, S(-surface.restitution * speed), S(0));
     hit = hit | (active[i] & (speed < -least_speed));
-    for (std::size_t d = 0; d < 3; ++d) fastest = maximum(fastest, select(active[i], abs(before[d][i]), S(0)));
+    for (std::size_t d = 0; d < 3; ++d)
+      fastest = maximum(fastest, select(active[i], abs(before[d][i]), S(0)));
   }
   if (!any(hit)) return hit;
 

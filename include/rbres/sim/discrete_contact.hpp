@@ -50,9 +50,9 @@ void set_velocities_where(const MaskOf<S>& changed, RigidState<S>& state, const 
 /// approach.
 template <class System>
 [[gnu::noinline, gnu::flatten]] void meet(const System& system, const typename System::State& before,
-                            typename System::State& y, int first, int second,
-                            const typename System::Scalar& rest_speed,
-                            ContactTally<typename System::Scalar>& tally) {
+                                          typename System::State& y, int first, int second,
+                                          const typename System::Scalar& rest_speed,
+                                          ContactTally<typename System::Scalar>& tally) {
   using S = typename System::Scalar;
   with_manifold(system, y, first, second, [&](const auto& manifold, auto is_plane) {
     constexpr bool fixed = decltype(is_plane)::value;
