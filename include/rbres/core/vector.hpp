@@ -49,7 +49,7 @@ S squared_norm(const Vec3<S>& a) {
 }
 template <class S>
 [[gnu::always_inline]] inline S norm(const Vec3<S>& a) {
-  const S squared = dot(a, a) + S(Constants<S>::tiny);
+  const S squared = a.x * a.x + (a.y * a.y + (a.z * a.z + S(Constants<S>::tiny)));
   if constexpr (Packed<S>) {
     return squared * inverse_square_root(squared);
   } else {

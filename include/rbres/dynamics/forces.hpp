@@ -37,7 +37,6 @@ struct FluidFriction {
 
   template <class S, class Shape>
   [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>& state) const {
-    const S half_density = as<S>(T(0.5) * density);
     const S frontal = detail::with_shape(body.shape(), [&](const auto& shape) {
       using Held = std::decay_t<decltype(shape)>;
       if constexpr (std::is_same_v<Held, Sphere<S>>) {
@@ -48,9 +47,9 @@ struct FluidFriction {
       }
     });
     const S r = body.bounding_radius();
-    const S spin = half_density * as<S>(rotational_drag * T(std::numbers::pi)) * (r * r * r * r * r);
-    return {-(half_density * as<S>(drag) * frontal) * state.velocity,
-            -(spin * norm(state.angular_velocity)) * state.angular_velocity};
+    const S spin = as<S>(T(-0.5 * std::numbers::pi) * density * rotational_drag) * (r * r * r * r * r);
+    return {(as<S>(T(-0.5) * density * drag) * frontal) * state.velocity,
+            (spin * norm(state.angular_velocity)) * state.angular_velocity};
   }
 };
 FluidFriction()->FluidFriction<double>;
