@@ -46,10 +46,13 @@ struct FluidFriction {
             rotate(body.shape_rotation().conjugate(), rotate_back(state.orientation, state.velocity)));
       }
     });
-    const S r = body.bounding_radius();
-    const S spin = as<S>(T(-0.5 * std::numbers::pi) * density * rotational_drag) * (r * r * r * r * r);
-    return {(as<S>(T(-0.5) * density * drag) * frontal) * state.velocity,
-            (spin * norm(state.angular_velocity)) * state.angular_velocity};
+    Wrench<S> wrench{(as<S>(T(-0.5) * density * drag) * frontal) * state.velocity, {}};
+    if (rotational_drag != T(0)) {
+      const S r = body.bounding_radius();
+      const S spin = as<S>(T(-0.5 * std::numbers::pi) * density * rotational_drag) * (r * r * r * r * r);
+      wrench.torque = (spin * norm(state.angular_velocity)) * state.angular_velocity;
+    }
+    return wrench;
   }
 };
 FluidFriction()->FluidFriction<double>;
