@@ -20,8 +20,8 @@ template <class S>
   rate.orientation = quaternion_rate(state.orientation, state.angular_velocity);
 }
 
-/// Newton and Euler (the paper's equations 1 and 2): m v' = F, I omega' = tau - omega x (I omega). Along the principal
-/// axes the gyroscopic term is (I_y - I_z) w_y w_z and so on, zero where moments are equal.
+/// Newton and Euler (the paper's equations 1 and 2): m v' = F, I omega' = tau - omega x (I omega). Along the
+/// principal axes the gyroscopic term is (I_y - I_z) w_y w_z and so on, zero where moments are equal.
 template <class S, class Shape>
 [[gnu::always_inline]] inline void set_dynamics(RigidRate<S>& rate, const Body<S, Shape>& body,
                                                 const RigidState<S>& state, const Wrench<S>& wrench) {

@@ -37,16 +37,18 @@ struct FluidFriction {
 
   template <class S, class Shape>
   [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>& state) const {
-    const S frontal = detail::with_shape(body.shape(), [&](const auto& shape) {
+    const S factor = as<S>(T(-0.5) * density * drag);
+    const S resistance = detail::with_shape(body.shape(), [&](const auto& shape) {
       using Held = std::decay_t<decltype(shape)>;
       if constexpr (std::is_same_v<Held, Sphere<S>>) {
-        return shape.frontal(state.velocity);  // the same from every side
+        return shape.frontal(state.velocity, factor);  // the same from every side
       } else {
         return shape.frontal(
-            rotate(body.shape_rotation().conjugate(), rotate_back(state.orientation, state.velocity)));
+            rotate(body.shape_rotation().conjugate(), rotate_back(state.orientation, state.velocity)),
+            factor);
       }
     });
-    Wrench<S> wrench{(as<S>(T(-0.5) * density * drag) * frontal) * state.velocity, {}};
+    Wrench<S> wrench{resistance * state.velocity, {}};
     if (rotational_drag != T(0)) {
       const S r = body.bounding_radius();
       const S spin = as<S>(T(-0.5 * std::numbers::pi) * density * rotational_drag) * (r * r * r * r * r);
