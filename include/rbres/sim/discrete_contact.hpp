@@ -42,7 +42,8 @@ template <class S>
 void set_velocities_where(const MaskOf<S>& changed, RigidState<S>& state, const Motion<S>& motion) {
   RigidState<S> next = state;
   set_velocities(next, motion);
-  state = select(changed, next, state);
+  state.velocity = select(changed, next.velocity, state.velocity);
+  state.angular_velocity = select(changed, next.angular_velocity, state.angular_velocity);
 }
 
 /// One pair at the end of a step: impulse where it overlaps and approaches, and the overlap taken away along
