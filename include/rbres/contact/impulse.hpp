@@ -103,6 +103,11 @@ class ContactPoint {
     return maximum(S(abs(change) / normal_mass_), S(tangent_response_ * (abs(change_u) + abs(change_v))));
   }
 
+  /// Begins with an impulse that is guessed (N s).
+  void start(const std::array<S, 3>& impulse, Motion<S>& first, Motion<S>& second) {
+    impulse_ = impulse;
+    push(impulse[0], impulse[1], impulse[2], first, second);
+  }
   /// Impulse along the normal and the two tangents, N s.
   const std::array<S, 3>& impulse() const { return impulse_; }
 
@@ -168,7 +173,8 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
     active[i] = touching[i] & (speed <= S(0));
     target[i] = select(speed < -rest_speed, S(-surface.restitution * speed), S(0));
     hit = hit | (active[i] & (speed < -least_speed));
-    for (std::size_t d = 0; d < 3; ++d) fastest = maximum(fastest, select(active[i], abs(before[d][i]), S(0)));
+    for (std::size_t d = 0; d < 3; ++d)
+      fastest = maximum(fastest, select(active[i], abs(before[d][i]), S(0)));
   }
   if (!any(hit)) return hit;
 
