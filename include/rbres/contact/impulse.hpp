@@ -111,6 +111,11 @@ class ContactPoint {
     return maximum(S(normal_response_ * abs(change)), S(tangent_response_ * (abs(change_u) + abs(change_v))));
   }
 
+  /// Begins with an impulse that is guessed (N s).
+  void start(const std::array<S, 3>& impulse, Motion<S>& first, Motion<S>& second) {
+    impulse_ = impulse;
+    push(impulse[0], impulse[1], impulse[2], first, second);
+  }
   /// Impulse along the normal and the two tangents, N s.
   const std::array<S, 3>& impulse() const { return impulse_; }
 
