@@ -322,10 +322,12 @@ TEST_CASE("the planes of a room meet at its edges, a floor is a square") {
     const GlbFile file(folder / "a.glb");
     return file.document["accessors"][0];
   };
-  const json box = planes_mesh(room(2.5, 5.0), 10);
-  CHECK(box["count"] == 6 * 4);
-  CHECK(box["min"] == json{-2.5, -2.5, 0.0});
-  CHECK(box["max"] == json{2.5, 2.5, 5.0});
+  for (const double half_width : {5.0, 10.0}) {
+    const json box = planes_mesh(room(2.5, 5.0), half_width);
+    CHECK(box["count"] == 6 * 4);
+    CHECK(box["min"] == json{-2.5, -2.5, 0.0});
+    CHECK(box["max"] == json{2.5, 2.5, 5.0});
+  }
   const json floor = planes_mesh({floor_plane<double>()}, 3);
   CHECK(floor["count"] == 4);
   CHECK(floor["min"] == json{-3.0, -3.0, 0.0});
