@@ -10,6 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "environment.hpp"
+
 namespace rbres::bench {
 
 /// Prints the median of each row, and at the end how many times longer each peer took than rbres's row of the
@@ -18,7 +20,7 @@ namespace rbres::bench {
 /// WORK/PEER[/VARIANT]. What is compared is the row's counter us_per_...
 class RatioReporter : public benchmark::ConsoleReporter {
  public:
-  RatioReporter() : ConsoleReporter(OO_Tabular) {}
+  RatioReporter() : ConsoleReporter(OO_None) {}
 
   void ReportRuns(const std::vector<Run>& runs) override {
     std::vector<Run> shown;
@@ -103,8 +105,9 @@ class RatioReporter : public benchmark::ConsoleReporter {
 /// order, so that a machine that slows down for a while slows every row; all flags of Google Benchmark still
 /// hold.
 inline int run_benchmarks(int argc, char** argv) {
+  settle_environment(argv);
   std::string defaults[]{"--benchmark_enable_random_interleaving=true", "--benchmark_repetitions=5",
-                         "--benchmark_min_time=0.1", "--benchmark_counters_tabular=true"};
+                         "--benchmark_min_time=0.1"};
   std::vector<char*> arguments{argv[0]};
   for (std::string& flag : defaults) arguments.push_back(flag.data());
   arguments.insert(arguments.end(), argv + 1, argv + argc);

@@ -20,12 +20,12 @@ struct Sphere {
   Sphere(const S& radius_) : radius(radius_) {}
   S bounding_radius() const { return radius; }
   S lever() const { return S(0); }
-  S volume() const { return S(4.0 / 3.0 * std::numbers::pi) * radius * radius * radius; }
+  S volume() const { return as<S>(4.0 / 3.0 * std::numbers::pi) * radius * radius * radius; }
   Vec3<S> unit_inertia() const {
-    const S i = S(0.4) * radius * radius;
+    const S i = as<S>(0.4) * radius * radius;
     return {i, i, i};
   }
-  S frontal(const Vec3<S>& v) const { return S(std::numbers::pi) * radius * radius * norm(v); }
+  S frontal(const Vec3<S>& v) const { return as<S>(std::numbers::pi) * radius * radius * norm(v); }
   template <class T>
   Sphere<T> cast() const {
     return {as<T>(radius)};
@@ -76,18 +76,18 @@ struct Capsule {
   S bounding_radius() const { return radius + half_length; }
   S lever() const { return half_length; }
   S volume() const {
-    return S(std::numbers::pi) * radius * radius * (S(2) * half_length + S(4.0 / 3.0) * radius);
+    return as<S>(std::numbers::pi) * radius * radius * (S(2) * half_length + as<S>(4.0 / 3.0) * radius);
   }
   Vec3<S> unit_inertia() const {
     const S r2 = square(radius), length = S(2) * half_length;
-    const S cylinder = length / (length + S(4.0 / 3.0) * radius),
+    const S cylinder = length / (length + as<S>(4.0 / 3.0) * radius),
             balls = S(1) - cylinder;  // shares of the mass
     const S across = cylinder * (r2 / S(4) + square(length) / S(12)) +
-                     balls * (S(0.4) * r2 + square(half_length) + S(0.75) * half_length * radius);
-    return {across, across, cylinder * r2 / S(2) + balls * S(0.4) * r2};
+                     balls * (as<S>(0.4) * r2 + square(half_length) + S(0.75) * half_length * radius);
+    return {across, across, cylinder * r2 / S(2) + balls * as<S>(0.4) * r2};
   }
   S frontal(const Vec3<S>& v) const {
-    return S(std::numbers::pi) * radius * radius * norm(v) +
+    return as<S>(std::numbers::pi) * radius * radius * norm(v) +
            S(4) * radius * half_length * norm(Vec3<S>{v.x, v.y, S(0)});
   }
   template <class T>

@@ -58,6 +58,9 @@ class ContactPoint {
     mass_uu_ = vv * inverse;
     mass_vv_ = uu * inverse;
     mass_uv_ = -uv * inverse;
+    using std::sqrt;
+    tangent_response_ =
+        S(0.5) * (uu + vv) + sqrt(S(square(S(0.5) * (uu - vv)) + square(uv) + S(Constants<S>::tiny)));
   }
 
   /// Velocity of the second surface relative to the first along direction d: 0 the normal, 1 and 2 the
@@ -69,12 +72,11 @@ class ContactPoint {
   }
 
   /// Brings the point towards its law, the others held: along the normal towards the speed `target`, or no
-  /// impulse where it leaves faster; along the surface towards sticking, with no more than friction times the
-  /// normal impulse (the paper's equations 6 to 8, with the impulse's sign such that bodies part). Only where
-  /// `active`. Returns how far the normal speed was off (m/s).
+  /// impulse where it leaves faster; along the surface towards sticking where friction times the normal
+  /// impulse suffices, else towards that much against the slip (the paper's equations 6 to 8, with the
+  /// impulse's sign such that bodies part). Only where `active`. Returns how far the velocity was off (m/s).
   S relax(const S& target, const S& friction, const MaskOf<S>& active, Motion<S>& first, Motion<S>& second) {
     using std::abs;
-    using std::sqrt;
     const S fault = target - velocity(0, first, second);
     const S pushed = select(active, maximum(S(impulse_[0] + normal_mass_ * fault), S(0)), impulse_[0]);
     const S change = pushed - impulse_[0];
@@ -82,22 +84,24 @@ class ContactPoint {
     push(change, S(0), S(0), first, second);
 
     const S u = velocity(1, first, second), v = velocity(2, first, second);
-    S pu = impulse_[1] - (mass_uu_ * u + mass_uv_ * v), pv = impulse_[2] - (mass_uv_ * u + mass_vv_ * v);
-    const S length2 = pu * pu + pv * pv, most = friction * pushed;
-    const MaskOf<S> slides = length2 > most * most;
-    const S share = select(slides, S(most / sqrt(select(slides, length2, S(1)))), S(1));
-    pu = select(active, S(share * pu), impulse_[1]);
-    pv = select(active, S(share * pv), impulse_[2]);
-    push(S(0), pu - impulse_[1], pv - impulse_[2], first, second);
+    const S stick_u = impulse_[1] - (mass_uu_ * u + mass_uv_ * v),
+            stick_v = impulse_[2] - (mass_uv_ * u + mass_vv_ * v);
+    const S most = friction * pushed;
+    const MaskOf<S> slides = square(stick_u) + square(stick_v) > square(most);
+    // Against the slip itself: the sticking impulse of a corner points elsewhere.
+    const S slip_u = impulse_[1] - u / tangent_response_, slip_v = impulse_[2] - v / tangent_response_;
+    const S length2 = square(slip_u) + square(slip_v);
+    const MaskOf<S> beyond = length2 > square(most);
+    const S share = select(beyond, S(most / square_root(select(beyond, length2, S(1)))), S(1));
+    const S pu = select(active, select(slides, S(share * slip_u), stick_u), impulse_[1]);
+    const S pv = select(active, select(slides, S(share * slip_v), stick_v), impulse_[2]);
+    const S change_u = pu - impulse_[1], change_v = pv - impulse_[2];
+    push(S(0), change_u, change_v, first, second);
     impulse_[1] = pu;
     impulse_[2] = pv;
-    return abs(change) / normal_mass_;
+    return maximum(S(abs(change) / normal_mass_), S(tangent_response_ * (abs(change_u) + abs(change_v))));
   }
 
-  /// Applies a share of the impulse found so far.
-  void apply(const S& share, Motion<S>& first, Motion<S>& second) const {
-    push(share * impulse_[0], share * impulse_[1], share * impulse_[2], first, second);
-  }
   /// Impulse along the normal and the two tangents, N s.
   const std::array<S, 3>& impulse() const { return impulse_; }
 
@@ -122,7 +126,7 @@ class ContactPoint {
   }
 
   std::array<Vec3<S>, 3> direction_, arm1_, arm2_, spin1_, spin2_;
-  S normal_mass_{}, mass_uu_{}, mass_uv_{}, mass_vv_{};
+  S normal_mass_{}, mass_uu_{}, mass_uv_{}, mass_vv_{}, tangent_response_{};
   std::array<S, 3> impulse_{};
 };
 
@@ -146,6 +150,7 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
                          const std::type_identity_t<std::array<MaskOf<S>, P>>& touching,
                          const Surface<S>& surface, const S& rest_speed, const S& least_speed,
                          Motion<S>& first, Motion<S>& second) {
+  using std::abs;
   constexpr int sweeps = Central ? 1 : 200;
   std::array<ContactPoint<S, Fixed>, P> point;
   std::array<S, P> target, before[3];
@@ -162,7 +167,7 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
     active[i] = touching[i] & (speed <= S(0));
     target[i] = select(speed < -rest_speed, S(-surface.restitution * speed), S(0));
     hit = hit | (active[i] & (speed < -least_speed));
-    fastest = maximum(fastest, select(active[i], S(-speed), S(0)));
+    for (std::size_t d = 0; d < 3; ++d) fastest = maximum(fastest, select(active[i], abs(before[d][i]), S(0)));
   }
   if (!any(hit)) return hit;
 
@@ -227,8 +232,7 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
         return S(0.5) * (rubbed[i][d] - point[i].impulse()[d]) * (rubbed_after[i][d] - plain_after[i][d]);
       });
       const S b = gained - a - c;
-      using std::sqrt;
-      const S root = b + sqrt(maximum(S(b * b - S(4) * a * c), S(0)));
+      const S root = b + square_root(maximum(S(b * b - S(4) * a * c), S(0)));
       const S s =
           select(root > S(0), clamp(S(S(-2) * a / select(root > S(0), root, S(1))), S(0), S(1)), S(0));
       const auto blend = [&](Motion<S>& plain, const Motion<S>& rubbed_motion) {

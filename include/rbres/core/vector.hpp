@@ -18,7 +18,7 @@ struct Vec3 {
   Vec3(const Eigen::MatrixBase<Derived>& v) : x(v(0)), y(v(1)), z(v(2)) {
     static_assert(Derived::SizeAtCompileTime == 3, "a Vec3 is made from three numbers");
   }
-  operator Eigen::Matrix<S, 3, 1>() const { return {x, y, z}; }
+  operator Eigen::Matrix<S, 3, 1>() const requires(!Packed<S>) { return {x, y, z}; }
 
   friend Vec3 operator+(const Vec3& a, const Vec3& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
   friend Vec3 operator-(const Vec3& a, const Vec3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
@@ -49,8 +49,12 @@ S squared_norm(const Vec3<S>& a) {
 }
 template <class S>
 [[gnu::always_inline]] inline S norm(const Vec3<S>& a) {
-  using std::sqrt;
-  return sqrt(S(dot(a, a) + S(Constants<S>::tiny)));
+  const S squared = dot(a, a) + S(Constants<S>::tiny);
+  if constexpr (Packed<S>) {
+    return squared * inverse_square_root(squared);
+  } else {
+    return square_root(squared);
+  }
 }
 template <class S>
 Vec3<S> absolute(const Vec3<S>& a) {
@@ -69,8 +73,8 @@ struct Quat {
 
   Quat() = default;
   constexpr Quat(const S& x_, const S& y_, const S& z_, const S& w_) : x(x_), y(y_), z(z_), w(w_) {}
-  Quat(const Eigen::Quaternion<S>& q) : x(q.x()), y(q.y()), z(q.z()), w(q.w()) {}
-  operator Eigen::Quaternion<S>() const { return {w, x, y, z}; }
+  Quat(const Eigen::Quaternion<S>& q) requires(!Packed<S>) : x(q.x()), y(q.y()), z(q.z()), w(q.w()) {}
+  operator Eigen::Quaternion<S>() const requires(!Packed<S>) { return {w, x, y, z}; }
 
   Vec3<S> imaginary() const { return {x, y, z}; }
   Quat conjugate() const { return {-x, -y, -z, w}; }
@@ -87,8 +91,7 @@ S squared_norm(const Quat<S>& q) {
 }
 template <class S>
 [[gnu::always_inline]] inline Quat<S> normalized(const Quat<S>& q) {
-  using std::sqrt;
-  const S s = S(1) / sqrt(squared_norm(q));
+  const S s = inverse_square_root(squared_norm(q));
   return {s * q.x, s * q.y, s * q.z, s * q.w};
 }
 template <Packed S>

@@ -2,8 +2,8 @@
 
 #include <rbres/contact/broad_phase.hpp>
 #include <rbres/contact/time_of_impact.hpp>
+#include <rbres/dynamics/free_flight.hpp>
 #include <rbres/sim/discrete_contact.hpp>
-#include <rbres/sim/free_flight.hpp>
 #include <rbres/sim/options.hpp>
 #include <utility>
 
@@ -36,7 +36,7 @@ class ContinuousContact {
     std::array<MaskOf<S>, P> touching, held;
     MaskOf<S> any_held;
     Surface<S> surface;
-    S separation, touch, rest_speed;
+    S separation, touch, rest_speed, still;
     std::size_t rows;  ///< where its held points start in rows_
     int points;
   };
@@ -56,6 +56,7 @@ class ContinuousContact {
   void step(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
             Observer& observer, ContactTally<S>& tally) {
     S left = h, now = t;
+    const S pull = as<S>(0.1) / h;  // held contacts close a tenth of their gap in a step
     for (int event = 0; event < options_.max_events; ++event) {
       const MaskOf<S> running = left > S(0);
       if (!any(running)) return;
@@ -69,7 +70,7 @@ class ContinuousContact {
       for (Pair& pair : pairs_) measure(pair, y, running);
       if (any(impacts(y, now, observer, tally))) continue;  // velocities changed: look again from here
 
-      const MaskOf<S> held = hold(y, free, left);
+      const MaskOf<S> held = hold(y, free, left, pull);
       const auto push = [&](const RigidState<S>& state, int i, const Wrench<S>& wrench) {
         const Wrench<S>& contact = contact_[index(i)];
         return wrench + Wrench<S>{contact.force, rotate_back(state.orientation, contact.torque)};
@@ -87,7 +88,7 @@ class ContinuousContact {
         part = impact;
         end = flown(part);
       }
-      if (any(held)) settle(end, h);
+      if (any(held)) settle(end, pull);
       y = chosen(running, end, y);
       left = select(running, S(left - part), S(0));
       now = now + part;
@@ -96,7 +97,7 @@ class ContinuousContact {
     if (!any(over)) return;
     tally.overruns += select(over, S(1), S(0));
     State end = fly(system_, forces, integrator, y, now, left);
-    detail::meet_all(system_, y, end, S(options_.rest_speed), tally);
+    detail::meet_all(system_, y, end, as<S>(options_.rest_speed), tally);
     y = chosen(over, end, y);
   }
 
@@ -126,6 +127,7 @@ class ContinuousContact {
       pair.touch = as<S>(Constants<S>::touch) * size;
       // A perfectly elastic contact never comes to rest by bouncing.
       pair.rest_speed = select(pair.surface.restitution < S(1), as<S>(options_.rest_speed), as<S>(1e-7));
+      pair.still = minimum(pair.rest_speed, as<S>(100 * Constants<S>::touch));
       pairs_.push_back(pair);
     }
   }
@@ -181,11 +183,11 @@ class ContinuousContact {
           if constexpr (single && BodyPair::central && PlanePair::central) {
             const Manifold<S, 1, true> m{pair.normal, pair.separation, pair.point, pair.gap};
             return resolve_impact<decltype(fixed)::value>(m, pair.touching, surface, pair.rest_speed,
-                                                          pair.rest_speed, first(pair), second(pair));
+                                                          pair.still, first(pair), second(pair));
           } else {
             const Manifold<S, int(P)> m{pair.normal, pair.separation, pair.point, pair.gap};
             return resolve_impact<decltype(fixed)::value>(m, pair.touching, surface, pair.rest_speed,
-                                                          pair.rest_speed, first(pair), second(pair));
+                                                          pair.still, first(pair), second(pair));
           }
         };
         const MaskOf<S> hit = pair.who.first < 0 ? resolve(std::true_type{}) : resolve(std::false_type{});
@@ -205,13 +207,13 @@ class ContinuousContact {
   }
 
   /// Finds the contacts that rest at y and the impulses that hold them until the end of the step.
-  MaskOf<S> hold(const State& y, const State& free, const S& left) {
+  MaskOf<S> hold(const State& y, const State& free, const S& left, const S& pull) {
     rows_.clear();
     MaskOf<S> held(false);
     for (Pair& pair : pairs_) {
       pair.any_held = MaskOf<S>(false);
       for (std::size_t i = 0; i < P; ++i) {
-        const MaskOf<S> slow = square(pair.speed[i]) <= square(pair.rest_speed);
+        const MaskOf<S> slow = pair.speed[i] <= pair.still - pull * minimum(pair.gap[i], S(0));
         pair.held[i] = pair.touching[i] & slow;
         pair.any_held = pair.any_held | pair.held[i];
       }
@@ -296,7 +298,7 @@ class ContinuousContact {
   }
 
   /// The held contacts at the end of a part: impulses that leave none approaching.
-  void settle(State& end, const S& h) {
+  void settle(State& end, const S& pull) {
     rows_.clear();
     for (int i = 0; i < N; ++i) motion_[index(i)] = motion_of(system_[i], end[i]);
     for (Pair& pair : pairs_) {
@@ -312,7 +314,7 @@ class ContinuousContact {
       }
       add_rows(pair);
     }
-    relax(S(as<S>(0.1) / h));
+    relax(pull);
     for (int i = 0; i < N; ++i) set_velocities(end[i], motion_[index(i)]);
   }
 
@@ -359,9 +361,10 @@ class ContinuousContact {
         // A point that has just left is apart when gravity has turned it round, if that comes soon.
         const MaskOf<S> touched = pair.touching[i], leaving = counts[i] & touched;
         const S lost = maximum(S(pair.speed[i] - later), S(Constants<S>::tiny));
-        approach.first_look = select(
-            leaving, minimum(approach.first_look, S(part * clamp(S(pair.speed[i] / lost), S(1e-3), S(1)))),
-            approach.first_look);
+        approach.first_look =
+            select(leaving,
+                   minimum(approach.first_look, S(part * clamp(S(pair.speed[i] / lost), as<S>(1e-3), S(1)))),
+                   approach.first_look);
       }
       const MaskOf<S> search =
           counted & ((approach.gap_end < S(0)) |

@@ -49,7 +49,7 @@ void set_velocities_where(const MaskOf<S>& changed, RigidState<S>& state, const 
 /// the normal, shared by inverse mass. What the step's forces alone can have given in two steps is rest, not
 /// approach.
 template <class System>
-[[gnu::noinline]] void meet(const System& system, const typename System::State& before,
+[[gnu::noinline, gnu::flatten]] void meet(const System& system, const typename System::State& before,
                             typename System::State& y, int first, int second,
                             const typename System::Scalar& rest_speed,
                             ContactTally<typename System::Scalar>& tally) {

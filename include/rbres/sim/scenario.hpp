@@ -6,21 +6,24 @@
 
 namespace rbres {
 
-/// The scenarios of the paper's experiment, version "standard-1". Scenario i of a world is a pure function of (seed, i).
-/// Results refer to this page by name and version; whoever changes a number here changes the version.
+/// The scenarios of the paper's experiment, version "standard-1". Scenario i of a world is a pure function of
+/// (seed, i). Results refer to this page by name and version; whoever changes a number here changes the
+/// version.
 ///
-/// Bodies. 3, 4 or 5 in equal shares. Standard set: balls of radius 0.25 m and 1 kg whose principal moments are (0.0225,
-/// 0.0275, 0.0325) kg m^2 (an uneven mass inside, so that spin is gyroscopic). Box set: boxes of half extents (0.30, 0.22,
-/// 0.15) m and 1 kg, uniform. Restitution 0.9, friction 0.3.
-/// Forces. Gravity 9.81 m/s^2; air of 1.2 kg/m^3 with C_d 0.47 (balls) or 1.05 (boxes); damping 0.05 1/s, linear and
-/// angular; on each body a wrench that stays the same: force N(0, 2 N) and torque N(0, 0.02 N m) per component. Orientation
-/// uniform over rotations. Bounding balls of two bodies are at least 2 cm apart at the start.
-/// Free space. Families by i mod 3: `flight` (no bounding balls meet within 5 s), `pair` (bodies 0 and 1 are aimed to
-/// meet after 0.2 to 2 s, off centre by up to 0.8 of the sum of their radii; the others as in flight, but free to hit),
-/// `cluster` (all are aimed at points within 0.3 m of the middle, to arrive after 0.4 to 1.2 s). Positions uniform in
-/// +-2 m; velocities N(0, 1 m/s) where not aimed; aimed bodies come no faster than 6 m/s. Spins N(0, 1.5 rad/s).
-/// Room. 5 x 5 x 5 m, floor at z = 0. Families by i mod 2: `drop` (let go 0.6 to 3 m above the floor: velocities N(0, 0.5
-/// m/s), spins N(0, 1 rad/s)), `scatter` (anywhere in the room, thrown at 2 to 6 m/s in any direction, spins N(0, 3 rad/s)).
+/// Bodies. 3, 4 or 5 in equal shares. Standard set: balls of radius 0.25 m and 1 kg whose principal moments
+/// are (0.0225, 0.0275, 0.0325) kg m^2 (an uneven mass inside, so that spin is gyroscopic). Box set: boxes of
+/// half extents (0.30, 0.22, 0.15) m and 1 kg, uniform. Restitution 0.9, friction 0.3. Forces. Gravity 9.81
+/// m/s^2; air of 1.2 kg/m^3 with C_d 0.47 (balls) or 1.05 (boxes); damping 0.05 1/s, linear and angular; on
+/// each body a wrench that stays the same: force N(0, 2 N) and torque N(0, 0.02 N m) per component.
+/// Orientation uniform over rotations. Bounding balls of two bodies are at least 2 cm apart at the start.
+/// Free space. Families by i mod 3: `flight` (no bounding balls meet within 5 s), `pair` (bodies 0 and 1 are
+/// aimed to meet after 0.2 to 2 s, off centre by up to 0.8 of the sum of their radii; the others as in
+/// flight, but free to hit), `cluster` (all are aimed at points within 0.3 m of the middle, to arrive after
+/// 0.4 to 1.2 s). Positions uniform in
+/// +-2 m; velocities N(0, 1 m/s) where not aimed; aimed bodies come no faster than 6 m/s. Spins N(0, 1.5
+/// rad/s). Room. 5 x 5 x 5 m, floor at z = 0. Families by i mod 2: `drop` (let go 0.6 to 3 m above the floor:
+/// velocities N(0, 0.5 m/s), spins N(0, 1 rad/s)), `scatter` (anywhere in the room, thrown at 2 to 6 m/s in
+/// any direction, spins N(0, 3 rad/s)).
 inline constexpr std::string_view scenario_version = "standard-1";
 
 enum class World { free_space, room };
@@ -61,8 +64,8 @@ Body<double, ShapeOf<Set>> scenario_body() {
 template <BodySet Set, int N>
 System<double, N, ShapeOf<Set>> scenario_system(World world) {
   const Material<double> material{0.9, 0.3};
-  return System<double, N, ShapeOf<Set>>::of(scenario_body<Set>(), world == World::room ? room(2.5, 5.0, material)
-                                                                                       : std::vector<Plane<double>>{});
+  return System<double, N, ShapeOf<Set>>::of(
+      scenario_body<Set>(), world == World::room ? room(2.5, 5.0, material) : std::vector<Plane<double>>{});
 }
 
 /// The forces without the scenario's own wrenches.
@@ -83,7 +86,8 @@ auto scenario_forces(const ConstantWrench<S, N>& wrench) {
 template <BodySet Set>
 class ScenarioSampler {
  public:
-  ScenarioSampler(World world, std::uint64_t seed) : world_(world), seed_(seed), body_(scenario_body<Set>()) {}
+  ScenarioSampler(World world, std::uint64_t seed)
+      : world_(world), seed_(seed), body_(scenario_body<Set>()) {}
 
   World world() const { return world_; }
   std::uint64_t seed() const { return seed_; }
@@ -150,7 +154,8 @@ class ScenarioSampler {
     } else if (s.family == Family::cluster) {
       const double when = r.uniform(0.4, 1.2);
       for (int i = 0; i < s.bodies; ++i) {
-        const Vec3<double> bend = (0.5 * when * when / body_.mass()) * s.wrench[static_cast<std::size_t>(i)].force;
+        const Vec3<double> bend =
+            (0.5 * when * when / body_.mass()) * s.wrench[static_cast<std::size_t>(i)].force;
         s.state[i].velocity = (1 / when) * (in_ball(r, 0.3) - s.state[i].position - bend);
       }
     }
@@ -169,7 +174,8 @@ class ScenarioSampler {
       if (world_ == World::free_space && squared_norm(s.state[i].velocity) > 36) return false;
     }
     if (s.family != Family::flight) return true;
-    // Flown once without contact, at steps in which no ball goes farther than a few centimetres against another.
+    // Flown once without contact, at steps in which no ball goes farther than a few centimetres against
+    // another.
     const auto system = scenario_system<Set, Scenario::most_bodies>(World::free_space);
     const auto forces = scenario_forces<Set>(ConstantWrench<double, Scenario::most_bodies>{s.wrench});
     auto y = s.state;
