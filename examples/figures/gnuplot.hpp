@@ -118,7 +118,7 @@ inline bool draw_trade_off(const Figure& figure, const std::vector<LabelledPoint
   }
   x_range.to_decades(), y_range.to_decades();
 
-  constexpr double left = 0.10, right = 0.74, bottom = 0.13, top = 0.91;  // of the canvas
+  constexpr double left = 0.10, right = 0.71, bottom = 0.13, top = 0.91;  // of the canvas
   const detail::Rectangle area{left * detail::canvas_width, bottom * detail::canvas_height,
                                right * detail::canvas_width, top * detail::canvas_height};
   std::ostringstream data, settings, plot;
@@ -160,8 +160,18 @@ inline bool draw_trade_off(const Figure& figure, const std::vector<LabelledPoint
     const auto& place = places[i];
     const double x = std::clamp(spots[i].x, place.left, place.right);
     const double y = std::clamp(spots[i].y, place.bottom, place.top);
+    // From the side that faces the point, as a viewer's font may be narrower than the estimate.
+    const bool right_of = place.left > spots[i].x, left_of = place.right < spots[i].x;
     settings << "set label " << detail::quoted(labels[i]) << " noenhanced font ',9' textcolor '" << colours[i]
-             << "' center at " << screen((place.left + place.right) / 2, (place.bottom + place.top) / 2)
+             << "' "
+             << (right_of  ? "left"
+                 : left_of ? "right"
+                           : "center")
+             << " at "
+             << screen(right_of  ? place.left
+                       : left_of ? place.right
+                                 : (place.left + place.right) / 2,
+                       (place.bottom + place.top) / 2)
              << '\n';
     if (std::hypot(x - spots[i].x, y - spots[i].y) > 14)
       settings << "set arrow nohead linecolor '#a0a0a0' linewidth 0.7 from " << screen(spots[i].x, spots[i].y)

@@ -90,8 +90,8 @@ inline bool draw(const Figure& figure, const std::string& data, const std::strin
             "size "
          << 1.5 * canvas_width << "," << 1.5 * canvas_height << "\nset output "
          << quoted(figure.name + ".png") << "\nplot " << plot
-         << "\nset terminal svg enhanced font 'DejaVu Sans,11' background '#ffffff' size " << canvas_width
-         << "," << canvas_height << "\nset output " << quoted(figure.name + ".svg")
+         << "\nset terminal svg enhanced font 'DejaVu Sans,11' fontscale 1.3 background '#ffffff' size "
+         << canvas_width << "," << canvas_height << "\nset output " << quoted(figure.name + ".svg")
          << "\nreplot\nunset output\n";
   std::filesystem::create_directories(figure.folder);
   write_file(figure.folder / (figure.name + ".dat"), data);
