@@ -71,6 +71,18 @@ class ContactPoint {
     return v;
   }
 
+  /// Brings the point along its normal towards the speed `target`, the others held, or no impulse where it
+  /// leaves faster. Only where `active`. Returns how far the speed was off (m/s).
+  S relax_normal(const S& target, const MaskOf<S>& active, Motion<S>& first, Motion<S>& second) {
+    using std::abs;
+    const S fault = target - velocity(0, first, second);
+    const S pushed = select(active, maximum(S(impulse_[0] + normal_mass_ * fault), S(0)), impulse_[0]);
+    const S change = pushed - impulse_[0];
+    impulse_[0] = pushed;
+    push(change, S(0), S(0), first, second);
+    return abs(change) / normal_mass_;
+  }
+
   /// Brings the point towards its law, the others held: along the normal towards the speed `target`, or no
   /// impulse where it leaves faster; along the surface towards sticking where friction times the normal
   /// impulse suffices, else towards that much against the slip (the paper's equations 6 to 8, with the
@@ -78,11 +90,8 @@ class ContactPoint {
   S relax(const S& target, const S& friction, const MaskOf<S>& active, Motion<S>& first, Motion<S>& second) {
     using std::abs;
     using std::sqrt;
-    const S fault = target - velocity(0, first, second);
-    const S pushed = select(active, maximum(S(impulse_[0] + normal_mass_ * fault), S(0)), impulse_[0]);
-    const S change = pushed - impulse_[0];
-    impulse_[0] = pushed;
-    push(change, S(0), S(0), first, second);
+    const S off = relax_normal(target, active, first, second);
+    const S& pushed = impulse_[0];
 
     const S u = velocity(1, first, second), v = velocity(2, first, second);
     const S stick_u = impulse_[1] - (mass_uu_ * u + mass_uv_ * v),
@@ -100,7 +109,7 @@ class ContactPoint {
     push(S(0), change_u, change_v, first, second);
     impulse_[1] = pu;
     impulse_[2] = pv;
-    return maximum(S(abs(change) / normal_mass_), S(tangent_response_ * (abs(change_u) + abs(change_v))));
+    return maximum(off, S(tangent_response_ * (abs(change_u) + abs(change_v))));
   }
 
   /// Begins with an impulse that is guessed (N s).
