@@ -66,8 +66,10 @@ class HeldContacts {
       with(row, motion, [&](auto& point, auto& a, auto& b) { point.start(impulse, a, b); });
     }
   }
-  void remember(const S& duration) {
-    const S rate = S(1) / select(duration > S(0), duration, S(1));
+  /// Keeps the forces for the next step; those over less than `shortest` (s) are rounding, and dropped.
+  void remember(const S& duration, const S& shortest) {
+    const MaskOf<S> lasts = duration > shortest;
+    const S rate = select(lasts, S(S(1) / select(lasts, duration, S(1))), S(0));
     last_.clear();
     for (const Row& row : rows_) {
       const auto& impulse = row.who.first < 0 ? row.fixed.impulse() : row.free.impulse();

@@ -225,7 +225,7 @@ class ContinuousContact {
     const MaskOf<S> open = left > S(0);
     held_.warm_start(motion_, left);
     held_.relax(motion_, pull, open, true);
-    held_.remember(left);
+    held_.remember(left, as<S>(1e-4) / pull);
     const S rate = S(1) / select(open, left, S(1));
     for (int i = 0; i < N; ++i) {
       const Motion<S>&m = motion_[index(i)], &b = before[index(i)];
