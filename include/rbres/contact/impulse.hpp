@@ -59,8 +59,8 @@ class ContactPoint {
     mass_vv_ = uu * inverse;
     mass_uv_ = -uv * inverse;
     using std::sqrt;
-    tangent_response_ =
-        S(0.5) * (uu + vv) + sqrt(S(square(S(0.5) * (uu - vv)) + square(uv) + S(Constants<S>::tiny)));
+    const S half = S(0.5) * (uu - vv);
+    tangent_response_ = S(0.5) * (uu + vv) + sqrt(S(half * half + uv * uv + S(Constants<S>::tiny)));
   }
 
   /// Velocity of the second surface relative to the first along direction d: 0 the normal, 1 and 2 the
@@ -141,8 +141,8 @@ class ContactPoint {
   }
 
   std::array<Vec3<S>, 3> direction_, arm1_, arm2_, spin1_, spin2_;
-  S normal_mass_{}, mass_uu_{}, mass_uv_{}, mass_vv_{}, tangent_response_{};
-  std::array<S, 3> impulse_{};
+  S normal_mass_, mass_uu_, mass_uv_, mass_vv_, tangent_response_;
+  std::array<S, 3> impulse_{S(0), S(0), S(0)};
 };
 
 /// What two surfaces agree on.
@@ -183,7 +183,7 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
     target[i] = select(speed < -rest_speed, S(-surface.restitution * speed), S(0));
     hit = hit | (active[i] & (speed < -least_speed));
     for (std::size_t d = 0; d < 3; ++d)
-      fastest = maximum(fastest, select(active[i], abs(before[d][i]), S(0)));
+      fastest = maximum(fastest, select(active[i], S(abs(before[d][i])), S(0)));
   }
   if (!any(hit)) return hit;
 
