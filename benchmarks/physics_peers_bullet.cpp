@@ -49,20 +49,22 @@ class Bullet {
     for (const auto& body : bodies_) world_.removeRigidBody(body.get());
   }
 
-  int step() {
+  void step() {
     for (std::size_t i = 1; i < bodies_.size(); ++i) {
       const btVector3& v = bodies_[i]->getLinearVelocity();
-      bodies_[i]->applyCentralForce(vector(drag(shape_, {v.x(), v.y(), v.z()})));
+      const btVector3 in_body = v * bodies_[i]->getWorldTransform().getBasis();  // transposed times v
+      bodies_[i]->applyCentralForce(
+          vector(drag(shape_, {v.x(), v.y(), v.z()}, {in_body.x(), in_body.y(), in_body.z()})));
     }
     world_.stepSimulation(step_, 0);  // 0: exactly one step of this length
-    int touching = 0;
     for (int i = 0; i < dispatcher_.getNumManifolds(); ++i) {
       const btPersistentManifold& manifold = *dispatcher_.getManifoldByIndexInternal(i);
       for (int k = 0; k < manifold.getNumContacts(); ++k)
-        touching += manifold.getContactPoint(k).getDistance() <= 0;
+        contacts_ += manifold.getContactPoint(k).getDistance() <= 0;
     }
-    return touching;
   }
+
+  double contacts() const { return contacts_; }
 
   double mean_height() const {
     double sum = 0.0;
@@ -97,9 +99,10 @@ class Bullet {
   btStaticPlaneShape floor_geometry_{btVector3(0, 0, 1), 0};
   std::unique_ptr<btCollisionShape> geometry_;
   std::vector<std::unique_ptr<btRigidBody>> bodies_;  // the floor first
+  double contacts_ = 0;
 };
 
-const bool registered = register_rows<Bullet>("bullet");
+const bool registered = register_peer<Bullet>("bullet");
 
 }  // namespace
 }  // namespace rbres::bench

@@ -77,17 +77,20 @@ class Mujoco {
     mj_deleteModel(model_);
   }
 
-  int step() {
+  void step() {
     for (std::size_t i = 0; i < bodies_; ++i) {
       const mjtNum* v = data_->qvel + 6 * i;
-      const Vec3 force = drag(shape_, {v[0], v[1], v[2]});
+      mjtNum to_body[4], in_body[3];
+      mju_negQuat(to_body, data_->qpos + 7 * i + 3);
+      mju_rotVecQuat(in_body, v, to_body);
+      const Vec3 force = drag(shape_, {v[0], v[1], v[2]}, {in_body[0], in_body[1], in_body[2]});
       std::copy_n(force.data(), 3, data_->xfrc_applied + 6 * (i + 1));  // body 0 is the world
     }
     mj_step(model_, data_);
-    int touching = 0;
-    for (int i = 0; i < data_->ncon; ++i) touching += data_->contact[i].dist <= 0;
-    return touching;
+    for (int i = 0; i < data_->ncon; ++i) contacts_ += data_->contact[i].dist <= 0;
   }
+
+  double contacts() const { return contacts_; }
 
   double mean_height() const {
     double sum = 0.0;
@@ -100,10 +103,11 @@ class Mujoco {
   std::size_t bodies_;
   mjModel* model_;
   mjData* data_ = mj_makeData(model_);
+  double contacts_ = 0;
 };
 
-const bool registered_rk4 = register_rows<Mujoco>("mujoco_rk4", "RK4");
-const bool registered_euler = register_rows<Mujoco>("mujoco_euler", "Euler");
+const bool registered_rk4 = register_peer<Mujoco>("mujoco_rk4", "RK4");
+const bool registered_euler = register_peer<Mujoco>("mujoco_euler", "Euler");
 
 }  // namespace
 }  // namespace rbres::bench

@@ -42,23 +42,25 @@ class Ode {
   Ode(const Ode&) = delete;
   Ode& operator=(const Ode&) = delete;
   ~Ode() {
-    dJointGroupDestroy(contacts_);
+    dJointGroupDestroy(joints_);
     dSpaceDestroy(space_);
     dWorldDestroy(world_);
   }
 
-  int step() {
+  void step() {
     for (const dBodyID body : bodies_) {
       const dReal* v = dBodyGetLinearVel(body);
-      const auto [x, y, z] = drag(shape_, {v[0], v[1], v[2]});
+      dVector3 in_body;
+      dBodyVectorFromWorld(body, v[0], v[1], v[2], in_body);
+      const auto [x, y, z] = drag(shape_, {v[0], v[1], v[2]}, {in_body[0], in_body[1], in_body[2]});
       dBodyAddForce(body, x, y, z);
     }
-    touching_ = 0;
     dSpaceCollide(space_, this, &collide);
     dWorldQuickStep(world_, step_);
-    dJointGroupEmpty(contacts_);
-    return touching_;
+    dJointGroupEmpty(joints_);
   }
+
+  double contacts() const { return contacts_; }
 
   double mean_height() const {
     double sum = 0.0;
@@ -77,22 +79,22 @@ class Ode {
       contacts[i].surface.mu = friction;
       contacts[i].surface.bounce = restitution;
       contacts[i].surface.bounce_vel = 0.0;
-      const dJointID joint = dJointCreateContact(ode.world_, ode.contacts_, &contacts[i]);
+      const dJointID joint = dJointCreateContact(ode.world_, ode.joints_, &contacts[i]);
       dJointAttach(joint, dGeomGetBody(first), dGeomGetBody(second));
     }
-    ode.touching_ += count;
+    ode.contacts_ += count;
   }
 
   Shape shape_;
   double step_;
   dWorldID world_ = dWorldCreate();
   dSpaceID space_ = dSimpleSpaceCreate(nullptr);  // the quickest of its spaces for a handful of bodies
-  dJointGroupID contacts_ = dJointGroupCreate(0);
+  dJointGroupID joints_ = dJointGroupCreate(0);
   std::vector<dBodyID> bodies_;
-  int touching_ = 0;
+  double contacts_ = 0;
 };
 
-const bool registered = register_rows<Ode>("ode");
+const bool registered = register_peer<Ode>("ode");
 
 }  // namespace
 }  // namespace rbres::bench

@@ -10,6 +10,8 @@
 #include <utility>
 #include <vector>
 
+#include "environment.hpp"
+
 namespace rbres::bench {
 
 /// Prints the median of each row, and at the end how many times longer each peer took than rbres's row of the
@@ -18,7 +20,7 @@ namespace rbres::bench {
 /// WORK/PEER[/VARIANT]. What is compared is the row's counter us_per_...
 class RatioReporter : public benchmark::ConsoleReporter {
  public:
-  RatioReporter() : ConsoleReporter(OO_Tabular) {}
+  RatioReporter() : ConsoleReporter(OO_None) {}
 
   void ReportRuns(const std::vector<Run>& runs) override {
     std::vector<Run> shown;
@@ -35,6 +37,7 @@ class RatioReporter : public benchmark::ConsoleReporter {
   }
 
   void Finalize() override {
+    std::sort(rows_.begin(), rows_.end(), [](const Row& a, const Row& b) { return a.name < b.name; });
     for (const Row& ours : rows_) {
       const auto engine = std::find(ours.name.begin(), ours.name.end(), "rbres");
       if (engine == ours.name.end()) continue;
@@ -81,7 +84,7 @@ class RatioReporter : public benchmark::ConsoleReporter {
     const std::size_t n = ratios.size();
     const double median = 0.5 * (ratios[(n - 1) / 2] + ratios[n / 2]);
     char line[160];
-    std::snprintf(line, sizeof line, "%-28s / %-28s = %8.2f  [%.2f, %.2f]\n", join(peer.name).c_str(),
+    std::snprintf(line, sizeof line, "%-30s / %-30s = %8.2f  [%.2f, %.2f]\n", join(peer.name).c_str(),
                   join(ours.name).c_str(), median, ratios.front(), ratios.back());
     if (!std::exchange(titled_, true))
       GetOutputStream()
@@ -103,8 +106,9 @@ class RatioReporter : public benchmark::ConsoleReporter {
 /// order, so that a machine that slows down for a while slows every row; all flags of Google Benchmark still
 /// hold.
 inline int run_benchmarks(int argc, char** argv) {
+  settle_environment(argv);
   std::string defaults[]{"--benchmark_enable_random_interleaving=true", "--benchmark_repetitions=5",
-                         "--benchmark_min_time=0.1", "--benchmark_counters_tabular=true"};
+                         "--benchmark_min_time=0.1"};
   std::vector<char*> arguments{argv[0]};
   for (std::string& flag : defaults) arguments.push_back(flag.data());
   arguments.insert(arguments.end(), argv + 1, argv + argc);

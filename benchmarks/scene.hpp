@@ -7,6 +7,8 @@
 #include <numbers>
 #include <vector>
 
+#include "uniform.hpp"
+
 /// The scenes of the physics benchmark, described once and in plain C++, so that every engine starts from the
 /// same numbers: bodies let go above a floor z = 0, under gravity and quadratic air drag. SI units.
 namespace rbres::bench {
@@ -28,26 +30,16 @@ inline constexpr double duration = 5.0;
 inline constexpr double air_density = 1.2;
 constexpr double drag_coefficient(Shape shape) { return shape == Shape::sphere ? 0.47 : 1.05; }
 
-/// Cross-section; of a box the mean over all directions, a quarter of its surface (Cauchy 1832).
-constexpr double cross_section(Shape shape) {
-  const auto [a, b, c] = half_extents;
-  return shape == Shape::sphere ? std::numbers::pi * radius * radius : 2.0 * (a * b + b * c + c * a);
-}
-
-/// Principal moments of inertia of the uniform body.
-constexpr Vec3 inertia(Shape shape) {
-  const auto [a, b, c] = half_extents;
-  const double sphere = 0.4 * mass * radius * radius;
-  return shape == Shape::sphere
-             ? Vec3{sphere, sphere, sphere}
-             : Vec3{mass / 3.0 * (b * b + c * c), mass / 3.0 * (c * c + a * a), mass / 3.0 * (a * a + b * b)};
-}
-
-/// Air drag on a body: -1/2 rho C_d A |v| v.
-inline Vec3 drag(Shape shape, const Vec3& velocity) {
+/// Air drag on a body, world frame: -1/2 rho C_d A |v| v, A the area that the shape turns towards its
+/// velocity, which is given in the world frame and in the body's.
+inline Vec3 drag(Shape shape, const Vec3& velocity, const Vec3& in_body) {
   const auto [x, y, z] = velocity;
-  const double factor =
-      -0.5 * air_density * drag_coefficient(shape) * cross_section(shape) * std::sqrt(x * x + y * y + z * z);
+  const auto [a, b, c] = half_extents;
+  const double area_times_speed = shape == Shape::sphere
+                                      ? std::numbers::pi * radius * radius * std::sqrt(x * x + y * y + z * z)
+                                      : 4.0 * (b * c * std::abs(in_body[0]) + c * a * std::abs(in_body[1]) +
+                                               a * b * std::abs(in_body[2]));
+  const double factor = -0.5 * air_density * drag_coefficient(shape) * area_times_speed;
   return {factor * x, factor * y, factor * z};
 }
 
@@ -62,22 +54,7 @@ struct Start {
 
 /// Number of bodies of a scene, and of different scenes that a row runs, so that no row is one lucky scene.
 inline constexpr int body_count = 5;
-inline constexpr int scene_count = 8;
-
-/// Uniform numbers from splitmix64 (Steele, Lea, Flood 2014).
-class Uniform {
- public:
-  explicit Uniform(std::uint64_t seed) : state_(seed) {}
-  double operator()(double from, double to) {
-    std::uint64_t z = (state_ += 0x9E3779B97F4A7C15u);
-    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9u;
-    z = (z ^ (z >> 27)) * 0x94D049BB133111EBu;
-    return from + (to - from) * static_cast<double>((z ^ (z >> 31)) >> 11) * 0x1p-53;
-  }
-
- private:
-  std::uint64_t state_;
-};
+inline constexpr int scene_count = 16;
 
 /// Scene `index` of `bodies` bodies: a shaken lattice 1 m wide, no two bodies touching, thrown loosely at its
 /// middle so that they meet in the air and on the floor.

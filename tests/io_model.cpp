@@ -125,15 +125,16 @@ TEST_CASE("a model of other sizes is refused with both") {
   const auto path = folder / "model.safetensors";
   save(path, ResidualNetwork<float, 7, 20, 3, 5>(1));
   const std::string error = error_of([&] { load<ResidualNetwork<float, 7, 20, 4, 5>>(path); });
-  CHECK(contains(error, path.string() + ": expected the architecture "));
+  CHECK(contains(error, path.string() + ": metadata 'architecture': expected 'rbres::Sequential"));
   CHECK(contains(error, "4 x rbres::Residual<rbres::Linear<20, 20>"));
-  CHECK(contains(error, "found rbres::Sequential"));
+  CHECK(contains(error, "found 'rbres::Sequential"));
   CHECK(contains(error, "3 x rbres::Residual<rbres::Linear<20, 20>"));
   CHECK(contains(error_of([&] { load<ResidualNetwork<double, 7, 20, 3, 5>>(path); }),
-                 "expected the scalar type float64, found float32"));
+                 "metadata 'scalar': expected 'float64', found 'float32'"));
 
   SafetensorsWriter foreign;
-  Tensors().add_to(foreign);
+  const Tensors tensors;
+  tensors.add_to(foreign);
   CHECK_NOTHROW(foreign.write(path));
   using Wider = Network<float, Sequential<Linear<3, 6>, Tanh, Linear<6, 2>>>;
   CHECK(contains(error_of([&] { load<Wider>(path); }),
@@ -152,7 +153,8 @@ TEST_CASE("a changed weight is found by the probes") {
   const float wrong = 3;
   std::memcpy(bytes.data() + bytes.size() - 4, &wrong, 4);
   write_bytes(path, bytes);
-  CHECK(contains(error_of([&] { load<Small>(path); }), "probe outputs: expected an error of at most"));
+  CHECK(contains(error_of([&] { load<Small>(path); }),
+                 "outputs for the stored inputs: expected an error of at most"));
 }
 
 TEST_CASE("numbers that are not finite are neither saved nor loaded") {
@@ -196,14 +198,14 @@ TEST_CASE("malformed model files are refused") {
     write_bytes(path, bytes);
     return error_of([&] { load<Tiny>(path); });
   };
-  CHECK(
-      contains(replaced("\"probe_inputs", "\"probe_in_uts"), "expected metadata 'probe_inputs', found none"));
+  CHECK(contains(replaced("\"probe_inputs", "\"probe_in_uts"),
+                 "metadata 'probe_inputs': expected 3 finite numbers, found none"));
   const std::size_t at = valid.find("probe_inputs\":\"") + 15;
-  CHECK(contains(replaced(valid.substr(at, 3), "x.0"), "probe inputs: expected 3 finite numbers"));
-  CHECK(contains(replaced(valid.substr(at, 3), "nan"), "probe inputs: expected 3 finite numbers"));
+  CHECK(contains(replaced(valid.substr(at, 3), "x.0"), "metadata 'probe_inputs': expected 3 finite numbers"));
+  CHECK(contains(replaced(valid.substr(at, 3), "nan"), "metadata 'probe_inputs': expected 3 finite numbers"));
   CHECK(contains(replaced(valid.substr(at, 5), "0 0 0"),
-                 "probe inputs: expected 3 finite numbers, found more"));
-  CHECK(contains(replaced("float32", "float64"), "expected the scalar type float32, found float64"));
+                 "metadata 'probe_inputs': expected 3 finite numbers, found more"));
+  CHECK(contains(replaced("float32", "float64"), "expected 'float32', found 'float64'"));
   const auto read = [](const auto& p) { load<Tiny>(p); };
   check_other_lengths_refused(path, valid, read);
   CHECK(check_changed_bytes(path, valid, read) > 3000);

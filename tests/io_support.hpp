@@ -29,6 +29,7 @@ class TemporaryFolder {
 };
 
 inline void write_bytes(const std::filesystem::path& path, const std::string& bytes) {
+  std::filesystem::remove(path);  // some file systems flush a file that was cut to nothing and written again
   std::ofstream(path, std::ios::binary) << bytes;
 }
 

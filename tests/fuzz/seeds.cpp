@@ -7,13 +7,16 @@
 
 #include <rbres/io.hpp>
 
+#include "fuzz_networks.hpp"
+
 int main(int argc, char** argv) {
   if (argc != 2) {
     std::cerr << "usage: seeds FOLDER\n";
     return 2;
   }
   const std::filesystem::path folder = argv[1];
-  for (const char* kind : {"npy", "safetensors"}) std::filesystem::create_directories(folder / kind);
+  for (const char* kind : {"npy", "safetensors", "model", "checkpoint"})
+    std::filesystem::create_directories(folder / kind);
 
   const Eigen::MatrixXf columns = Eigen::MatrixXf::Constant(2, 3, 0.5f);
   rbres::write_npy(folder / "npy/matrix.npy", columns);
@@ -28,4 +31,9 @@ int main(int argc, char** argv) {
   tensors.add("number", {}, &number);
   tensors.metadata["format"] = "pt";
   tensors.write(folder / "safetensors/network.safetensors");
+
+  rbres::save(folder / "model/network.safetensors", FuzzNetwork(1), {{"author", "me"}});
+  FuzzRun run;
+  run.trainer.run_epoch();
+  rbres::save_checkpoint(folder / "checkpoint/run.safetensors", run.trainer);
 }

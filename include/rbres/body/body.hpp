@@ -9,8 +9,8 @@ namespace rbres {
 /// friction.
 template <class S>
 struct Material {
-  S restitution = S(0.5);  ///< speed after over speed before along the normal, in [0, 1]
-  S friction = S(0.3);     ///< Coulomb coefficient, 0 or more
+  S restitution = as<S>(0.5);  ///< speed after over speed before along the normal, in [0, 1]
+  S friction = as<S>(0.3);     ///< Coulomb coefficient, 0 or more
 };
 
 template <class S>
@@ -55,7 +55,7 @@ class Body {
   /// A body of this mass (kg) and this inertia tensor (kg m^2), given along the shape's axes. Its orientation
   /// is that of the principal axes; shape_rotation() says how the shape stands in them.
   Body(const Shape& shape, const S& mass, const Eigen::Matrix<S, 3, 3>& tensor,
-       const Material<S>& material = {})
+       const Material<S>& material = {}) requires(!Packed<S>)
       : Body(shape, mass, principal_inertia(tensor), material) {}
 
   /// A uniform solid of this density (kg/m^3).

@@ -37,7 +37,7 @@ PrincipalInertia<S> principal_inertia(const Eigen::Matrix<S, 3, 3>& tensor,
                                       const std::string& what = "body") {
   if (!tensor.allFinite())
     detail::refuse(what + ", inertia tensor", "finite numbers", "\n" + detail::text(tensor));
-  if ((tensor - tensor.transpose()).cwiseAbs().maxCoeff() > S(1e-6) * tensor.cwiseAbs().maxCoeff()) {
+  if ((tensor - tensor.transpose()).cwiseAbs().maxCoeff() > as<S>(1e-6) * tensor.cwiseAbs().maxCoeff()) {
     detail::refuse(what + ", inertia tensor", "a symmetric matrix", "\n" + detail::text(tensor));
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<S, 3, 3>> solver(tensor);

@@ -9,8 +9,9 @@ namespace rbres {
 
 /// A shape is centred at the body's centre of mass. Every shape gives: bounding_radius() (m), lever() (the
 /// largest speed at which a unit spin moves the surface along its normal, m), volume() (m^3),
-/// unit_inertia() (principal moments of a uniform solid over its mass, m^2), and frontal(v), the area it
-/// turns towards a body-frame velocity v times |v| (m^3/s), from which the fluid's friction follows.
+/// unit_inertia() (principal moments of a uniform solid over its mass, m^2), and frontal(v, factor): the
+/// factor times the area it turns towards a body-frame velocity v times |v| (m^3/s), from which the fluid's
+/// friction follows.
 
 /// A ball.
 template <class S>
@@ -20,12 +21,14 @@ struct Sphere {
   Sphere(const S& radius_) : radius(radius_) {}
   S bounding_radius() const { return radius; }
   S lever() const { return S(0); }
-  S volume() const { return S(4.0 / 3.0 * std::numbers::pi) * radius * radius * radius; }
+  S volume() const { return as<S>(4.0 / 3.0 * std::numbers::pi) * radius * radius * radius; }
   Vec3<S> unit_inertia() const {
-    const S i = S(0.4) * radius * radius;
+    const S i = as<S>(0.4) * radius * radius;
     return {i, i, i};
   }
-  S frontal(const Vec3<S>& v) const { return S(std::numbers::pi) * radius * radius * norm(v); }
+  S frontal(const Vec3<S>& v, const S& factor) const {
+    return (factor * as<S>(std::numbers::pi) * radius * radius) * norm(v);
+  }
   template <class T>
   Sphere<T> cast() const {
     return {as<T>(radius)};
@@ -51,9 +54,10 @@ struct Box {
     return {third * (square(half.y) + square(half.z)), third * (square(half.x) + square(half.z)),
             third * (square(half.x) + square(half.y))};
   }
-  S frontal(const Vec3<S>& v) const {
+  S frontal(const Vec3<S>& v, const S& factor) const {
     using std::abs;
-    return S(4) * (half.y * half.z * abs(v.x) + half.x * half.z * abs(v.y) + half.x * half.y * abs(v.z));
+    return S(4) * factor *
+           (half.y * half.z * abs(v.x) + half.x * half.z * abs(v.y) + half.x * half.y * abs(v.z));
   }
   template <class T>
   Box<T> cast() const {
@@ -76,19 +80,19 @@ struct Capsule {
   S bounding_radius() const { return radius + half_length; }
   S lever() const { return half_length; }
   S volume() const {
-    return S(std::numbers::pi) * radius * radius * (S(2) * half_length + S(4.0 / 3.0) * radius);
+    return as<S>(std::numbers::pi) * radius * radius * (S(2) * half_length + as<S>(4.0 / 3.0) * radius);
   }
   Vec3<S> unit_inertia() const {
     const S r2 = square(radius), length = S(2) * half_length;
-    const S cylinder = length / (length + S(4.0 / 3.0) * radius),
+    const S cylinder = length / (length + as<S>(4.0 / 3.0) * radius),
             balls = S(1) - cylinder;  // shares of the mass
     const S across = cylinder * (r2 / S(4) + square(length) / S(12)) +
-                     balls * (S(0.4) * r2 + square(half_length) + S(0.75) * half_length * radius);
-    return {across, across, cylinder * r2 / S(2) + balls * S(0.4) * r2};
+                     balls * (as<S>(0.4) * r2 + square(half_length) + S(0.75) * half_length * radius);
+    return {across, across, cylinder * r2 / S(2) + balls * as<S>(0.4) * r2};
   }
-  S frontal(const Vec3<S>& v) const {
-    return S(std::numbers::pi) * radius * radius * norm(v) +
-           S(4) * radius * half_length * norm(Vec3<S>{v.x, v.y, S(0)});
+  S frontal(const Vec3<S>& v, const S& factor) const {
+    return (factor * as<S>(std::numbers::pi) * radius * radius) * norm(v) +
+           (factor * S(4) * radius * half_length) * norm(Vec3<S>{v.x, v.y, S(0)});
   }
   template <class T>
   Capsule<T> cast() const {

@@ -85,7 +85,7 @@ class System {
     for (std::size_t i = 0; i < planes_.size(); ++i) {
       const auto& p = planes_[i];
       const auto what = detail::text("plane ", i);
-      if (!(std::abs(norm(p.normal) - S(1)) < S(1e-5))) {
+      if (!(std::abs(norm(p.normal) - S(1)) < as<S>(1e-5))) {
         detail::refuse(what + ", normal", "a unit vector", detail::text("one of length ", norm(p.normal)));
       }
       if (!is_finite(p.offset)) detail::refuse(what + ", offset", "a finite number", p.offset);

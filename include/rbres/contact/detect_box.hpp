@@ -44,8 +44,7 @@ Manifold<S, 1> detect_box_ball(const Box<S>& box, const Pose<S>& pose, const Vec
   const S least = minimum(depth.x, minimum(depth.y, depth.z));
 
   const Vec3<S> n = pose.axes * select(outside, direction_or_z(out), inner);
-  using std::sqrt;
-  const S distance = select(outside, S(sqrt(select(outside, squared, S(1)))), S(-least));
+  const S distance = select(outside, S(square_root(select(outside, squared, S(1)))), S(-least));
   const S gap = distance - radius;
   return {n, gap, {centre - (radius + S(0.5) * gap) * n}, {gap}};
 }
@@ -87,7 +86,7 @@ Manifold<S, 3> detect(const Capsule<S>& a, const Pose<S>& pa, const Box<S>& b, c
     slope_high = select(down, at, slope_high);
   };
   const auto crossings = [&](const S& m, const S& d, const S& half) {
-    const S inverse = S(1) / select(abs(d) < S(1e-12), S(1e-12), d);
+    const S inverse = S(1) / select(abs(d) < as<S>(1e-12), as<S>(1e-12), d);
     narrow((half - m) * inverse);
     narrow((-half - m) * inverse);
   };
@@ -111,7 +110,7 @@ Manifold<S, 3> detect(const Capsule<S>& a, const Pose<S>& pa, const Box<S>& b, c
       m.separation = ball.separation;
       m.gap[0] = ball.gap[0];
     } else {
-      m.gap[i] = select(dot(m.normal, ball.normal) < S(-0.9999), ball.gap[0], S(m.none));
+      m.gap[i] = select(dot(m.normal, ball.normal) < as<S>(-0.9999), ball.gap[0], S(m.none));
     }
   }
   return m;

@@ -86,7 +86,6 @@ void clip_faces(const Vec3<S>& origin, const Face<S>& reference, const Vec3<S>& 
 template <class S>
 Manifold<S, 12> detect(const Box<S>& a, const Pose<S>& pa, const Box<S>& b, const Pose<S>& pb) {
   using std::abs;
-  using std::sqrt;
   const Vec3<S> between = pb.position - pa.position;
   const auto fa = detail::faces(a, pa), fb = detail::faces(b, pb);
   S cosine[3][3];
@@ -119,8 +118,8 @@ Manifold<S, 12> detect(const Box<S>& a, const Pose<S>& pa, const Box<S>& b, cons
   for (std::size_t i = 0; i < 3; ++i) {
     for (std::size_t j = 0; j < 3; ++j) {
       const S length2 = S(1) - square(cosine[i][j]);
-      const MaskOf<S> apart = length2 > S(1e-6);
-      const S inverse = S(1) / sqrt(select(apart, length2, S(1)));
+      const MaskOf<S> apart = length2 > as<S>(1e-6);
+      const S inverse = inverse_square_root(select(apart, length2, S(1)));
       const Vec3<S> axis = inverse * cross(fa[i].normal, fb[j].normal);
       S gap = abs(dot(between, axis));
       for (std::size_t k = 0; k < 3; ++k) {
@@ -138,7 +137,7 @@ Manifold<S, 12> detect(const Box<S>& a, const Pose<S>& pa, const Box<S>& b, cons
   // Edges must win by more than rounding, or boxes that lie flat would lose their face.
   const S size =
       minimum(minimum(a.half.x, minimum(a.half.y, a.half.z)), minimum(b.half.x, minimum(b.half.y, b.half.z)));
-  const MaskOf<S> by_edge = edge_gap > face_gap + S(1e-4) * size;
+  const MaskOf<S> by_edge = edge_gap > face_gap + as<S>(1e-4) * size;
 
   Manifold<S, 12> m{{}, maximum(face_gap, edge_gap), {}, {}};
   const S side = select(reference_is_b, S(-1), S(1));  // from the reference box to the other
@@ -166,7 +165,7 @@ Manifold<S, 12> detect(const Box<S>& a, const Pose<S>& pa, const Box<S>& b, cons
       on_b -= select(along_b < S(0), S(-fb[k].half_normal), fb[k].half_normal) * fb[k].normal;
     }
     const S c = dot(edge_a, edge_b), da = dot(on_b - on_a, edge_a), db = dot(on_b - on_a, edge_b);
-    const S inverse = S(1) / maximum(S(S(1) - c * c), S(1e-6));
+    const S inverse = S(1) / maximum(S(S(1) - c * c), as<S>(1e-6));
     const Vec3<S> nearest_a = on_a + ((da - c * db) * inverse) * edge_a;
     const Vec3<S> nearest_b = on_b + ((c * da - db) * inverse) * edge_b;
     m.normal = select(by_edge, n, m.normal);

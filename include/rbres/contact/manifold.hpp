@@ -18,7 +18,7 @@ struct Manifold {
   /// The normal passes through both centres of mass, so that a normal impulse spins nothing.
   static constexpr bool central = Central;
   /// The gap of a point that is not there.
-  static constexpr double none = 1e30;
+  static constexpr auto none = typename Constants<S>::Real(1e30);
 
   Vec3<S> normal;  ///< unit, from the first surface to the second, world frame
   S separation;    ///< signed distance of the surfaces along the normal, m; negative: they overlap
@@ -39,10 +39,9 @@ Pose<S> shape_pose(const Body<S, Shape>& body, const RigidState<S>& state) {
 /// Unit vector along v; along z where v has no length.
 template <class S>
 Vec3<S> direction_or_z(const Vec3<S>& v) {
-  using std::sqrt;
   const S squared = squared_norm(v);
   const MaskOf<S> usable = squared > S(Constants<S>::tiny);
-  const S inverse = S(1) / sqrt(select(usable, squared, S(1)));
+  const S inverse = inverse_square_root(select(usable, squared, S(1)));
   return select(usable, inverse * v, Vec3<S>{S(0), S(0), S(1)});
 }
 

@@ -45,7 +45,7 @@ struct Approach {
 template <class S, class Gap>
 S time_of_impact(const Approach<S>& pair, const MaskOf<S>& search, const Gap& gap, MaskOf<S>& found) {
   using std::abs;
-  const S least = S(0.02) * pair.size / pair.speed_bound;
+  const S least = as<S>(0.02) * pair.size / pair.speed_bound;
   S a(0), gap_a = pair.gap_start, b = pair.duration, gap_b = pair.gap_end;
   S time = minimum(maximum(S(pair.gap_start / pair.speed_bound), least), pair.first_look);
   MaskOf<S> walking = search;

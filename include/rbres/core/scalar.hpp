@@ -3,6 +3,9 @@
 #include <cmath>
 #include <limits>
 #include <type_traits>
+#if defined(__SSE2__)
+#include <emmintrin.h>
+#endif
 
 namespace rbres {
 
@@ -48,6 +51,32 @@ S clamp(const S& x, const S& low, const S& high) {
 template <class S>
 S square(const S& x) {
   return x * x;
+}
+
+/// The square root, NaN of a negative number. Unlike std::sqrt it leaves errno alone, and so is one
+/// instruction and never a call, for whose sake the compiler would keep every register in memory.
+template <class S>
+S square_root(const S& x) {
+  using std::sqrt;
+  return sqrt(x);
+}
+#if defined(__SSE2__)
+inline double square_root(double x) {
+  const __m128d v = _mm_set_sd(x);
+  return _mm_cvtsd_f64(_mm_sqrt_sd(v, v));
+}
+inline float square_root(float x) { return _mm_cvtss_f32(_mm_sqrt_ss(_mm_set_ss(x))); }
+#endif
+
+/// The square root of a positive number; within 2 units in the last place.
+template <class S>
+S positive_square_root(const S& x) {
+  return square_root(x);
+}
+/// One over the square root of a positive number; within 2 units in the last place.
+template <class S>
+S inverse_square_root(const S& x) {
+  return S(1) / square_root(x);
 }
 
 namespace detail {

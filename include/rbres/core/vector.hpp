@@ -18,7 +18,7 @@ struct Vec3 {
   Vec3(const Eigen::MatrixBase<Derived>& v) : x(v(0)), y(v(1)), z(v(2)) {
     static_assert(Derived::SizeAtCompileTime == 3, "a Vec3 is made from three numbers");
   }
-  operator Eigen::Matrix<S, 3, 1>() const { return {x, y, z}; }
+  operator Eigen::Matrix<S, 3, 1>() const requires(!Packed<S>) { return {x, y, z}; }
 
   friend Vec3 operator+(const Vec3& a, const Vec3& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
   friend Vec3 operator-(const Vec3& a, const Vec3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
@@ -48,9 +48,9 @@ S squared_norm(const Vec3<S>& a) {
   return dot(a, a);
 }
 template <class S>
-S norm(const Vec3<S>& a) {
-  using std::sqrt;
-  return sqrt(S(dot(a, a) + S(Constants<S>::tiny)));
+[[gnu::always_inline]] inline S norm(const Vec3<S>& a) {
+  const S squared = a.x * a.x + (a.y * a.y + (a.z * a.z + S(Constants<S>::tiny)));
+  return positive_square_root(squared);
 }
 template <class S>
 Vec3<S> absolute(const Vec3<S>& a) {
@@ -69,8 +69,8 @@ struct Quat {
 
   Quat() = default;
   constexpr Quat(const S& x_, const S& y_, const S& z_, const S& w_) : x(x_), y(y_), z(z_), w(w_) {}
-  Quat(const Eigen::Quaternion<S>& q) : x(q.x()), y(q.y()), z(q.z()), w(q.w()) {}
-  operator Eigen::Quaternion<S>() const { return {w, x, y, z}; }
+  Quat(const Eigen::Quaternion<S>& q) requires(!Packed<S>) : x(q.x()), y(q.y()), z(q.z()), w(q.w()) {}
+  operator Eigen::Quaternion<S>() const requires(!Packed<S>) { return {w, x, y, z}; }
 
   Vec3<S> imaginary() const { return {x, y, z}; }
   Quat conjugate() const { return {-x, -y, -z, w}; }
@@ -86,9 +86,8 @@ S squared_norm(const Quat<S>& q) {
   return q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
 }
 template <class S>
-Quat<S> normalized(const Quat<S>& q) {
-  using std::sqrt;
-  const S s = S(1) / sqrt(squared_norm(q));
+[[gnu::always_inline]] inline Quat<S> normalized(const Quat<S>& q) {
+  const S s = inverse_square_root(squared_norm(q));
   return {s * q.x, s * q.y, s * q.z, s * q.w};
 }
 template <Packed S>
@@ -137,7 +136,7 @@ Mat3<S> rotated_diagonal(const Mat3<S>& r, const Vec3<S>& d) {
 /// The rate 1/2 q (x) [0, w] of an orientation under the body-frame angular velocity w (the paper's equation
 /// 3).
 template <class S>
-Quat<S> quaternion_rate(const Quat<S>& q, const Vec3<S>& w) {
+[[gnu::always_inline]] inline Quat<S> quaternion_rate(const Quat<S>& q, const Vec3<S>& w) {
   const Vec3<S> h = S(0.5) * w;
   return {q.w * h.x + q.y * h.z - q.z * h.y, q.w * h.y + q.z * h.x - q.x * h.z,
           q.w * h.z + q.x * h.y - q.y * h.x, -(q.x * h.x + q.y * h.y + q.z * h.z)};
@@ -145,7 +144,7 @@ Quat<S> quaternion_rate(const Quat<S>& q, const Vec3<S>& w) {
 
 /// A body vector in the world frame, and back.
 template <class S>
-Vec3<S> rotate(const Quat<S>& q, const Vec3<S>& v) {
+[[gnu::always_inline]] inline Vec3<S> rotate(const Quat<S>& q, const Vec3<S>& v) {
   const Vec3<S> t = S(2) * cross(q.imaginary(), v);
   return v + q.w * t + cross(q.imaginary(), t);
 }

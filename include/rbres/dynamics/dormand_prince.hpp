@@ -63,9 +63,9 @@ struct DormandPrince54 {
       const S t = t0 + done;
       const State& y = dense.from;
       k[1] = rate(t + step / 5, advanced(y, step / 5, k[0]));
-      k[2] = rate(t + step * S(0.3), combine(y, step, k, {3.0 / 40, 9.0 / 40}));
-      k[3] = rate(t + step * S(0.8), combine(y, step, k, {44.0 / 45, -56.0 / 15, 32.0 / 9}));
-      k[4] = rate(t + step * S(8.0 / 9),
+      k[2] = rate(t + step * as<S>(0.3), combine(y, step, k, {3.0 / 40, 9.0 / 40}));
+      k[3] = rate(t + step * as<S>(0.8), combine(y, step, k, {44.0 / 45, -56.0 / 15, 32.0 / 9}));
+      k[4] = rate(t + step * as<S>(8.0 / 9),
                   combine(y, step, k, {19372.0 / 6561, -25360.0 / 2187, 64448.0 / 6561, -212.0 / 729}));
       k[5] = rate(
           t + step,
@@ -78,7 +78,7 @@ struct DormandPrince54 {
           combine(zero, step, k,
                   {71.0 / 57600, 0.0, -71.0 / 16695, 71.0 / 1920, -17253.0 / 339200, 22.0 / 525, -1.0 / 40});
       const S error = scaled_error(zero, fault, dense.to);
-      if (error <= S(1) || step < S(1e-13) * std::max(S(1), std::abs(t))) {
+      if (error <= S(1) || step < as<S>(1e-13) * std::max(S(1), std::abs(t))) {
         dense.start = t;
         dense.step = step;
         on_step(std::as_const(dense));
@@ -86,8 +86,8 @@ struct DormandPrince54 {
         dense.from = dense.to;
         k[0] = k[6];  // first same as last
       }
-      const S factor = error > S(0) ? S(0.9) * std::pow(error, S(-0.2)) : S(5);
-      step *= std::isfinite(factor) ? std::clamp(factor, S(0.2), S(5)) : S(0.2);
+      const S factor = error > S(0) ? as<S>(0.9) * std::pow(error, as<S>(-0.2)) : S(5);
+      step *= std::isfinite(factor) ? std::clamp(factor, as<S>(0.2), S(5)) : as<S>(0.2);
     }
     return dense.from;
   }

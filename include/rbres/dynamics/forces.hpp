@@ -19,7 +19,7 @@ struct Gravity {
   Vec3<T> g{T(0), T(0), T(-9.81)};  ///< world frame, m/s^2
 
   template <class S, class Shape>
-  Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>&) const {
+  [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>&) const {
     return {body.mass() * Vec3<S>{as<S>(g.x), as<S>(g.y), as<S>(g.z)}, {}};
   }
 };
@@ -37,21 +37,25 @@ struct FluidFriction {
   T rotational_drag = T(0.01);  ///< C_r
 
   template <class S, class Shape>
-  Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>& state) const {
-    const S half_density = as<S>(T(0.5) * density);
-    const S frontal = detail::with_shape(body.shape(), [&](const auto& shape) {
+  [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>& state) const {
+    const S factor = as<S>(T(-0.5) * density * drag);
+    const S resistance = detail::with_shape(body.shape(), [&](const auto& shape) {
       using Held = std::decay_t<decltype(shape)>;
       if constexpr (std::is_same_v<Held, Sphere<S>>) {
-        return shape.frontal(state.velocity);  // the same from every side
+        return shape.frontal(state.velocity, factor);  // the same from every side
       } else {
         return shape.frontal(
-            rotate(body.shape_rotation().conjugate(), rotate_back(state.orientation, state.velocity)));
+            rotate(body.shape_rotation().conjugate(), rotate_back(state.orientation, state.velocity)),
+            factor);
       }
     });
-    const S r = body.bounding_radius();
-    const S spin = half_density * as<S>(rotational_drag * T(std::numbers::pi)) * (r * r * r * r * r);
-    return {-(half_density * as<S>(drag) * frontal) * state.velocity,
-            -(spin * norm(state.angular_velocity)) * state.angular_velocity};
+    Wrench<S> wrench{resistance * state.velocity, {}};
+    if (rotational_drag != T(0)) {
+      const S r = body.bounding_radius();
+      const S spin = as<S>(T(-0.5 * std::numbers::pi) * density * rotational_drag) * (r * r * r * r * r);
+      wrench.torque = (spin * norm(state.angular_velocity)) * state.angular_velocity;
+    }
+    return wrench;
   }
 };
 template <class T>
@@ -65,7 +69,7 @@ struct Damping {
   T angular = T(0);  ///< 1/s
 
   template <class S, class Shape>
-  Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>& state) const {
+  [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>& state) const {
     return {-(as<S>(linear) * body.mass()) * state.velocity,
             -as<S>(angular) * scale(body.inertia(), state.angular_velocity)};
   }
@@ -79,7 +83,8 @@ struct ConstantWrench {
   std::array<Wrench<S>, N> wrench{};
 
   template <class Shape>
-  Wrench<S> operator()(const Body<S, Shape>&, const RigidState<S>&, int index, const S&) const {
+  [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>&, const RigidState<S>&, int index,
+                                              const S&) const {
     return wrench[static_cast<std::size_t>(index)];
   }
 };
@@ -103,8 +108,8 @@ inline constexpr bool is_local<Forces<Models...>, S, Shape> = (is_local<Models, 
 
 /// The wrench of a model that looks at one body only.
 template <class Model, class S, class Shape>
-Wrench<S> local_wrench(const Model& model, const Body<S, Shape>& body, const RigidState<S>& state, int i,
-                       const S& t) {
+[[gnu::always_inline]] inline Wrench<S> local_wrench(const Model& model, const Body<S, Shape>& body,
+                                                     const RigidState<S>& state, int i, const S& t) {
   if constexpr (std::is_invocable_v<const Model&, const Body<S, Shape>&, const RigidState<S>&>) {
     return model(body, state);
   } else {
@@ -112,10 +117,12 @@ Wrench<S> local_wrench(const Model& model, const Body<S, Shape>& body, const Rig
   }
 }
 template <class... Models, class S, class Shape>
-Wrench<S> local_wrench(const Forces<Models...>& forces, const Body<S, Shape>& body,
-                       const RigidState<S>& state, int i, const S& t) {
+[[gnu::always_inline]] inline Wrench<S> local_wrench(const Forces<Models...>& forces,
+                                                     const Body<S, Shape>& body, const RigidState<S>& state,
+                                                     int i, const S& t) {
   return std::apply(
-      [&](const auto&... m) { return (Wrench<S>{} + ... + local_wrench(m, body, state, i, t)); },
+      [&](const auto&... m)
+          __attribute__((always_inline)) { return (local_wrench(m, body, state, i, t) + ...); },
       forces.models);
 }
 

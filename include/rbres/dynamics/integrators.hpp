@@ -25,7 +25,7 @@ SystemState<S, N> advanced(const SystemState<S, N>& y, const S& h, const SystemR
 namespace detail {
 
 template <class S>
-void normalize(RigidState<S>& y) {
+[[gnu::always_inline]] inline void normalize(RigidState<S>& y) {
   y.orientation = normalized(y.orientation);
 }
 template <class S, int N>
@@ -55,7 +55,7 @@ struct ExplicitEuler {
   static constexpr int order = 1;
 
   template <class Rate, class State, class S>
-  State advance(const Rate& rate, const State& y, const S& t, const S& h) const {
+  [[gnu::always_inline]] State advance(const Rate& rate, const State& y, const S& t, const S& h) const {
     State out = advanced(y, h, rate(t, y));
     detail::normalize(out);
     return out;
@@ -68,7 +68,7 @@ struct SemiImplicitEuler {
   static constexpr int order = 1;
 
   template <class Rate, class State, class S>
-  State advance(const Rate& rate, const State& y, const S& t, const S& h) const {
+  [[gnu::always_inline]] State advance(const Rate& rate, const State& y, const S& t, const S& h) const {
     State out = detail::semi_implicit(y, h, rate(t, y));
     detail::normalize(out);
     return out;
@@ -80,7 +80,7 @@ struct Rk4 {
   static constexpr int order = 4;
 
   template <class Rate, class State, class S>
-  State advance(const Rate& rate, const State& y, const S& t, const S& h) const {
+  [[gnu::always_inline]] State advance(const Rate& rate, const State& y, const S& t, const S& h) const {
     const S half = as<S>(0.5) * h, sixth = h / as<S>(6.0), third = h / as<S>(3.0);
     // Each slope goes into the running sum at once, so that four of them are never kept.
     auto k = rate(t, y);

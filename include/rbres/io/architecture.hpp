@@ -2,9 +2,9 @@
 
 #include <string>
 #include <string_view>
-#include <type_traits>
 #include <vector>
 
+#include <rbres/core/error.hpp>
 #include <rbres/nn/layers.hpp>
 
 namespace rbres::detail {
@@ -59,8 +59,5 @@ template <class... Layers>
 struct LayerName<Residual<Layers...>> {
   static std::string text(LayerText how) { return layer_list<Layers...>("rbres::Residual", how); }
 };
-
-template <class T>
-constexpr std::string_view scalar_name = std::is_same_v<T, float> ? "float32" : "float64";
 
 }  // namespace rbres::detail

@@ -4,11 +4,11 @@
 #include <locale>
 #include <sstream>
 #include <string>
-#include <string_view>
 
 #include <Eigen/Core>
 
 #include <rbres/core/error.hpp>
+#include <rbres/io/safetensors.hpp>
 
 namespace rbres::detail {
 
@@ -24,11 +24,16 @@ std::string numbers_to_text(const Eigen::DenseBase<Derived>& numbers) {
   return out.str();
 }
 
-/// Reads as many numbers as `numbers` has; Error that begins with `what` when the text holds anything else.
+/// Reads as many numbers as `numbers` has from the file's metadata; Error when the key is missing or its text
+/// holds anything else.
 template <class Derived>
-void numbers_from_text(std::string_view what, const std::string& text, Eigen::DenseBase<Derived>& numbers) {
-  const std::string expected = detail::text(numbers.size(), " finite numbers");
-  std::istringstream in(text);
+void numbers_from_metadata(const SafetensorsReader& file, const std::string& key,
+                           Eigen::DenseBase<Derived>& numbers) {
+  const std::string what = text(file.path().string(), ": metadata '", key, "'");
+  const std::string expected = text(numbers.size(), " finite numbers");
+  const auto found = file.metadata().find(key);
+  if (found == file.metadata().end()) refuse(what, expected, "none");
+  std::istringstream in(found->second);
   in.imbue(std::locale::classic());
   for (Eigen::Index column = 0; column < numbers.cols(); ++column)
     for (Eigen::Index row = 0; row < numbers.rows(); ++row)

@@ -26,8 +26,8 @@ ColumnsView<T> columns(const Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>&& 
 /// What a network learns from; views only. Column i of each belongs to sample i.
 template <class T>
 struct Samples {
-  ColumnsView<T> inputs;   ///< inputs x samples
-  ColumnsView<T> targets;  ///< outputs x samples
+  ColumnsView<T> inputs{nullptr, 0, 0};   ///< inputs x samples
+  ColumnsView<T> targets{nullptr, 0, 0};  ///< outputs x samples
   /// Outputs x samples, or empty for all ones: what each squared error counts. 0 where a target says nothing.
   ColumnsView<T> weights{nullptr, 0, 0};
 

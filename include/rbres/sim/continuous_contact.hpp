@@ -2,8 +2,8 @@
 
 #include <rbres/contact/held_contacts.hpp>
 #include <rbres/contact/impact_search.hpp>
+#include <rbres/dynamics/free_flight.hpp>
 #include <rbres/sim/discrete_contact.hpp>
-#include <rbres/sim/free_flight.hpp>
 #include <rbres/sim/options.hpp>
 #include <utility>
 
@@ -80,7 +80,7 @@ class ContinuousContact {
     if (any(over)) {
       tally.overruns += select(over, S(1), S(0));
       State end = fly(system_, forces, integrator, y, now, left);
-      detail::meet_all(system_, y, end, S(options_.rest_speed), tally);
+      detail::meet_all(system_, y, end, as<S>(options_.rest_speed), tally);
       y = chosen(over, end, y);
     }
     last_ = y;

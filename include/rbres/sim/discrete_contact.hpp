@@ -19,17 +19,18 @@ template <class S>
 void set_velocities_where(const MaskOf<S>& changed, RigidState<S>& state, const Motion<S>& motion) {
   RigidState<S> next = state;
   set_velocities(next, motion);
-  state = select(changed, next, state);
+  state.velocity = select(changed, next.velocity, state.velocity);
+  state.angular_velocity = select(changed, next.angular_velocity, state.angular_velocity);
 }
 
 /// One pair at the end of a step: impulse where it overlaps and approaches, and the overlap taken away along
 /// the normal, shared by inverse mass. What the step's forces alone can have given in two steps is rest, not
 /// approach.
 template <class System>
-[[gnu::noinline]] void meet(const System& system, const typename System::State& before,
-                            typename System::State& y, int first, int second,
-                            const typename System::Scalar& rest_speed,
-                            ContactTally<typename System::Scalar>& tally) {
+[[gnu::noinline, gnu::flatten]] void meet(const System& system, const typename System::State& before,
+                                          typename System::State& y, int first, int second,
+                                          const typename System::Scalar& rest_speed,
+                                          ContactTally<typename System::Scalar>& tally) {
   using S = typename System::Scalar;
   with_manifold(system, y, first, second, [&](const auto& manifold, auto is_plane) {
     constexpr bool fixed = decltype(is_plane)::value;

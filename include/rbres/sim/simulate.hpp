@@ -50,7 +50,7 @@ class Stepper {
     if (options_.contacts == ContactMode::continuous) {
       continuous_.step(forces_, integrator_, y, t, h, observer, tally_);
     } else {
-      y = fly(system_, forces_, integrator_, y, t, h);
+      fly_on(system_, forces_, integrator_, y, t, h);
       detail::meet_all(system_, before, y, as<S>(options_.rest_speed), tally_);
     }
     return keep_finite(before, y);
@@ -62,28 +62,28 @@ class Stepper {
   }
 
   const ContactTally<S>& tally() const { return tally_; }
+  /// Where every state so far was finite, lane by lane.
+  const MaskOf<S>& finite() const { return finite_; }
 
  private:
-  static int keep_finite(const State& before, State& y) {
+  int keep_finite(const State& before, State& y) {
     S sum(0);
-    for (int i = 0; i < System::bodies; ++i) {
-      const auto& b = y[i];
-      sum += b.position.x + b.position.y + b.position.z + b.velocity.x + b.velocity.y + b.velocity.z;
-      sum += b.orientation.x + b.orientation.y + b.orientation.z + b.orientation.w;
-      sum += b.angular_velocity.x + b.angular_velocity.y + b.angular_velocity.z;
-    }
+    for (const RigidState<S>& body : y.body) sum += component_sum(body);
     const MaskOf<S> good = is_finite(sum);
     if (all(good)) return -1;
+    finite_ = finite_ & good;
     int bad = 0;
     for (int i = System::bodies - 1; i >= 0; --i) {
-      const auto& b = y[i];
-      S own = b.position.x + b.position.y + b.position.z + b.velocity.x + b.velocity.y + b.velocity.z;
-      own += b.orientation.x + b.orientation.y + b.orientation.z + b.orientation.w;
-      own += b.angular_velocity.x + b.angular_velocity.y + b.angular_velocity.z;
-      if (!all(is_finite(own))) bad = i;
+      if (!all(is_finite(component_sum(y[i])))) bad = i;
       y[i] = select(good, y[i], before[i]);
     }
     return bad;
+  }
+  /// Not finite where one of the numbers is not.
+  static S component_sum(const RigidState<S>& b) {
+    const Quat<S>& q = b.orientation;
+    const Vec3<S> sum = b.position + b.velocity + b.angular_velocity;
+    return (sum.x + sum.y) + (sum.z + q.x) + (q.y + q.z + q.w);
   }
 
   const System& system_;
@@ -92,6 +92,7 @@ class Stepper {
   SimulationOptions options_;
   ContinuousContact<System> continuous_;
   ContactTally<S> tally_;
+  MaskOf<S> finite_{true};
 };
 
 /// Refuses states that no simulation can start from: numbers that are not finite, quaternions that are not
@@ -107,7 +108,7 @@ void check_state(const System& system, const typename System::State& y) {
         detail::refuse(detail::text("body ", i, ", state component ", k), "a finite number", numbers(k));
     }
     const S length = std::sqrt(squared_norm(y[i].orientation));
-    if (!(std::abs(length - S(1)) < S(1e-3))) {
+    if (!(std::abs(length - S(1)) < as<S>(1e-3))) {
       detail::refuse(detail::text("body ", i, ", orientation"), "a unit quaternion",
                      detail::text("one of length ", length));
     }
@@ -116,7 +117,7 @@ void check_state(const System& system, const typename System::State& y) {
     detail::with_manifold(system, y, first, second, [&](const auto& m, auto) {
       S size = system[second].bounding_radius();
       if (first >= 0) size = std::min(size, system[first].bounding_radius());
-      if (m.separation < S(-1e-3) * size) {
+      if (m.separation < as<S>(-1e-3) * size) {
         const auto other = first < 0 ? detail::text("plane ", -1 - first) : detail::text("body ", first);
         detail::refuse(detail::text("body ", second, " and ", other), "surfaces apart or touching",
                        detail::text("an overlap of ", -m.separation, " m"));

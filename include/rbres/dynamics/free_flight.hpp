@@ -13,18 +13,17 @@ struct NoPush {
   }
 };
 
-/// A system's state after h seconds of motion without impact. Body by body where no force couples them.
+/// Takes a system's state h seconds on, without impacts. Body by body where no force couples them.
 /// `push` (state, index, wrench) gives the wrench on a body together with what resting contacts add.
 template <class System, class Model, class Integrator, class Push = NoPush>
-typename System::State fly(const System& system, const Model& forces, const Integrator& integrator,
-                           const typename System::State& state, const typename System::Scalar& t,
-                           const typename System::Scalar& h, const Push& push = {}) {
+[[gnu::flatten]] void fly_on(const System& system, const Model& forces, const Integrator& integrator,
+                             typename System::State& state, const typename System::Scalar& t,
+                             const typename System::Scalar& h, const Push& push = {}) {
   using S = typename System::Scalar;
-  typename System::State out;
   if constexpr (detail::is_local<Model, S, typename System::Shape>) {
     for (int i = 0; i < System::bodies; ++i) {
-      out[i] = integrator.advance(
-          [&](const S& time, const RigidState<S>& y) {
+      state[i] = integrator.advance(
+          [&](const S& time, const RigidState<S>& y) __attribute__((always_inline)) {
             RigidRate<S> rate;
             set_kinematics(rate, y);
             set_dynamics(rate, system[i], y, push(y, i, detail::local_wrench(forces, system[i], y, i, time)));
@@ -33,7 +32,7 @@ typename System::State fly(const System& system, const Model& forces, const Inte
           state[i], t, h);
     }
   } else {
-    out = integrator.advance(
+    state = integrator.advance(
         [&](const S& time, const typename System::State& y) {
           SystemRate<S, System::bodies> rate;
           for (int i = 0; i < System::bodies; ++i) {
@@ -45,7 +44,15 @@ typename System::State fly(const System& system, const Model& forces, const Inte
         },
         state, t, h);
   }
-  return out;
+}
+
+/// The state after h seconds of motion without impacts.
+template <class System, class Model, class Integrator, class Push = NoPush>
+typename System::State fly(const System& system, const Model& forces, const Integrator& integrator,
+                           typename System::State state, const typename System::Scalar& t,
+                           const typename System::Scalar& h, const Push& push = {}) {
+  fly_on(system, forces, integrator, state, t, h, push);
+  return state;
 }
 
 }  // namespace rbres
