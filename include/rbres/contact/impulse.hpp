@@ -62,9 +62,8 @@ class ContactPoint {
     mass_uu_ = vv * inverse;
     mass_vv_ = uu * inverse;
     mass_uv_ = -uv * inverse;
-    tangent_response_ =
-        S(0.5) * (uu + vv) +
-        positive_square_root(S(square(S(0.5) * (uu - vv)) + square(uv) + S(Constants<S>::tiny)));
+    tangent_response_ = S(0.5) * (uu + vv) +
+                        positive_root(S(square(S(S(0.5) * (uu - vv))) + square(uv) + S(Constants<S>::tiny)));
     slip_mass_ = S(1) / tangent_response_;
   }
 
@@ -100,7 +99,7 @@ class ContactPoint {
     const S slip_u = impulse_[1] - slip_mass_ * u, slip_v = impulse_[2] - slip_mass_ * v;
     const S length2 = square(slip_u) + square(slip_v);
     const MaskOf<S> beyond = length2 > square(most);
-    const S share = select(beyond, S(most * inverse_square_root(select(beyond, length2, S(1)))), S(1));
+    const S share = select(beyond, S(most * inverse_root(select(beyond, length2, S(1)))), S(1));
     const S pu = select(active, select(slides, S(share * slip_u), stick_u), impulse_[1]);
     const S pv = select(active, select(slides, S(share * slip_v), stick_v), impulse_[2]);
     const S change_u = pu - impulse_[1], change_v = pv - impulse_[2];
@@ -111,6 +110,11 @@ class ContactPoint {
     return maximum(S(normal_response_ * abs(change)), S(tangent_response_ * (abs(change_u) + abs(change_v))));
   }
 
+  /// Begins with an impulse that is guessed (N s).
+  void start(const std::array<S, 3>& impulse, Motion<S>& first, Motion<S>& second) {
+    impulse_ = impulse;
+    for (std::size_t d = 0; d < 3; ++d) push(d, impulse[d], first, second);
+  }
   /// Impulse along the normal and the two tangents, N s.
   const std::array<S, 3>& impulse() const { return impulse_; }
 
@@ -178,7 +182,7 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
     target[i] = select(speed < -rest_speed, S(-surface.restitution * speed), S(0));
     hit = hit | (active[i] & (speed < -least_speed));
     for (std::size_t d = 0; d < 3; ++d)
-      fastest = maximum(fastest, select(active[i], abs(before[d][i]), S(0)));
+      fastest = maximum(fastest, select(active[i], S(abs(before[d][i])), S(0)));
   }
   if (!any(hit)) return hit;
 
@@ -243,9 +247,8 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
         return S(0.5) * (rubbed[i][d] - point[i].impulse()[d]) * (rubbed_after[i][d] - plain_after[i][d]);
       });
       const S b = gained - a - c;
-      const S root = b + square_root(maximum(S(b * b - S(4) * a * c), S(0)));
-      const S s =
-          select(root > S(0), clamp(S(S(-2) * a / select(root > S(0), root, S(1))), S(0), S(1)), S(0));
+      const S sum = b + root(maximum(S(b * b - S(4) * a * c), S(0)));
+      const S s = select(sum > S(0), clamp(S(S(-2) * a / select(sum > S(0), sum, S(1))), S(0), S(1)), S(0));
       const auto blend = [&](Motion<S>& plain, const Motion<S>& rubbed_motion) {
         const S share = select(created, s, S(1));
         plain.velocity += share * (rubbed_motion.velocity - plain.velocity);

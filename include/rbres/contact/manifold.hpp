@@ -41,7 +41,7 @@ template <class S>
 Vec3<S> direction_or_z(const Vec3<S>& v) {
   const S squared = squared_norm(v);
   const MaskOf<S> usable = squared > S(Constants<S>::tiny);
-  const S inverse = inverse_square_root(select(usable, squared, S(1)));
+  const S inverse = inverse_root(select(usable, squared, S(1)));
   return select(usable, inverse * v, Vec3<S>{S(0), S(0), S(1)});
 }
 

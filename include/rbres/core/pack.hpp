@@ -129,13 +129,13 @@ struct Pack {
     return a;
   }
 #if defined(__AVX512F__)
-  friend Pack positive_square_root(Pack a) requires(std::is_same_v<T, float>) {
+  friend Pack positive_root(Pack a) requires(std::is_same_v<T, float>) {
     auto parts = detail::split<T>(a.v);
     for (auto& part : parts) part = detail::positive_sqrt_of(part);
     std::memcpy(&a.v, &parts, sizeof a.v);
     return a;
   }
-  friend Pack inverse_square_root(Pack a) requires(std::is_same_v<T, float>) {
+  friend Pack inverse_root(Pack a) requires(std::is_same_v<T, float>) {
     auto parts = detail::split<T>(a.v);
     for (auto& part : parts) part = detail::inverse_sqrt_of(part);
     std::memcpy(&a.v, &parts, sizeof a.v);

@@ -1,7 +1,6 @@
 #pragma once
 
-#include <rbres/contact/detect.hpp>
-#include <rbres/contact/impulse.hpp>
+#include <rbres/contact/contact_pair.hpp>
 
 namespace rbres {
 
@@ -14,28 +13,6 @@ struct ContactTally {
 };
 
 namespace detail {
-
-/// The pair's combined material.
-template <class System>
-Surface<typename System::Scalar> surface_of(const System& system, int first, int second) {
-  const auto& b = system[second].material();
-  const auto& a =
-      first < 0 ? system.planes()[static_cast<std::size_t>(-1 - first)].material : system[first].material();
-  return {combined_restitution(a, b), combined_friction(a, b)};
-}
-
-/// Calls f(manifold, is_plane) with how the pair (as in Candidate) meets in this state.
-template <class System, class F>
-void with_manifold(const System& system, const typename System::State& y, int first, int second, const F& f) {
-  const auto pose = shape_pose(system[second], y[second]);
-  if (first < 0) {
-    f(detect(system.planes()[static_cast<std::size_t>(-1 - first)], system[second].shape(), pose),
-      std::true_type{});
-  } else {
-    f(detect(system[first].shape(), shape_pose(system[first], y[first]), system[second].shape(), pose),
-      std::false_type{});
-  }
-}
 
 /// Writes velocities back where `changed`; other lanes keep their bits.
 template <class S>
