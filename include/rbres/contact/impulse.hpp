@@ -144,6 +144,16 @@ class ContactPoint {
   std::array<S, 3> impulse_{};
 };
 
+namespace detail {
+/// Room for a T that is written before it is read: filling a box's contact points with zeros takes longer
+/// than many a contact.
+template <class T>
+union Unset {
+  T value;
+  Unset() {}
+};
+}  // namespace detail
+
 /// What two surfaces agree on.
 template <class S>
 struct Surface {
@@ -166,7 +176,8 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
                          Motion<S>& first, Motion<S>& second) {
   using std::abs;
   constexpr int sweeps = Central ? 1 : 200;
-  std::array<ContactPoint<S, Fixed, Central>, P> point;
+  std::array<detail::Unset<ContactPoint<S, Fixed, Central>>, P> points;
+  const auto point = [&](std::size_t i) -> auto& { return points[i].value; };
   std::array<S, P> target, before[3];
   std::array<MaskOf<S>, P> active;
   MaskOf<S> hit(false);
@@ -175,8 +186,8 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
     active[i] = touching[i];
     target[i] = S(0);
     if (!any(touching[i])) continue;
-    point[i] = ContactPoint<S, Fixed, Central>(manifold.normal, manifold.point[i], first, second);
-    for (std::size_t d = 0; d < 3; ++d) before[d][i] = point[i].velocity(d, first, second);
+    point(i) = ContactPoint<S, Fixed, Central>(manifold.normal, manifold.point[i], first, second);
+    for (std::size_t d = 0; d < 3; ++d) before[d][i] = point(i).velocity(d, first, second);
     const S& speed = before[0][i];
     active[i] = touching[i] & (speed <= S(0));
     target[i] = select(speed < -rest_speed, S(-surface.restitution * speed), S(0));
@@ -193,7 +204,7 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
       S worst(0);
       for (std::size_t i = 0; i < P; ++i) {
         if (!any(active[i])) continue;
-        worst = maximum(worst, point[i].relax(target[i], friction, active[i] & working, first, second));
+        worst = maximum(worst, point(i).relax(target[i], friction, active[i] & working, first, second));
       }
       working = working & (worst > enough);
       if (!any(working)) break;
@@ -215,11 +226,11 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
       return sum;
     };
     solve(surface.friction);
-    std::array<std::array<S, 3>, P> rubbed{}, rubbed_after{};
+    std::array<std::array<S, 3>, P> rubbed, rubbed_after;
     for (std::size_t i = 0; i < P; ++i) {
       if (!any(active[i])) continue;
-      rubbed[i] = point[i].impulse();
-      for (std::size_t d = 0; d < 3; ++d) rubbed_after[i][d] = point[i].velocity(d, first, second);
+      rubbed[i] = point(i).impulse();
+      for (std::size_t d = 0; d < 3; ++d) rubbed_after[i][d] = point(i).velocity(d, first, second);
     }
     const S gained = work([&](std::size_t i, std::size_t d) {
       return S(0.5) * rubbed[i][d] * (before[d][i] + rubbed_after[i][d]);
@@ -231,20 +242,20 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
       second = second_before;
       for (std::size_t i = 0; i < P; ++i) {
         if (any(active[i]))
-          point[i] = ContactPoint<S, Fixed, Central>(manifold.normal, manifold.point[i], first, second);
+          point(i) = ContactPoint<S, Fixed, Central>(manifold.normal, manifold.point[i], first, second);
       }
       solve(S(0));
       // Energy along the way from the frictionless solution (s = 0) to the other (s = 1): a + b s + c s^2.
-      std::array<std::array<S, 3>, P> plain_after{};
+      std::array<std::array<S, 3>, P> plain_after;
       for (std::size_t i = 0; i < P; ++i) {
         if (!any(active[i])) continue;
-        for (std::size_t d = 0; d < 3; ++d) plain_after[i][d] = point[i].velocity(d, first, second);
+        for (std::size_t d = 0; d < 3; ++d) plain_after[i][d] = point(i).velocity(d, first, second);
       }
       const S a = work([&](std::size_t i, std::size_t d) {
-        return S(0.5) * point[i].impulse()[d] * (before[d][i] + plain_after[i][d]);
+        return S(0.5) * point(i).impulse()[d] * (before[d][i] + plain_after[i][d]);
       });
       const S c = work([&](std::size_t i, std::size_t d) {
-        return S(0.5) * (rubbed[i][d] - point[i].impulse()[d]) * (rubbed_after[i][d] - plain_after[i][d]);
+        return S(0.5) * (rubbed[i][d] - point(i).impulse()[d]) * (rubbed_after[i][d] - plain_after[i][d]);
       });
       const S b = gained - a - c;
       const S sum = b + root(maximum(S(b * b - S(4) * a * c), S(0)));
