@@ -44,16 +44,16 @@ class ContactPoint {
       : direction_(frame(normal)), second_(lever(point, second)) {
     if constexpr (!Fixed) first_ = lever(point, first);
     normal_response_ = response(0, 0, first, second);
-    normal_mass_ = S(1) / normal_response_;
+    normal_mass_ = inverse(normal_response_);
     const S uu = response(1, 1, first, second), vv = response(2, 2, first, second),
             uv = response(1, 2, first, second);
-    const S inverse = S(1) / (uu * vv - uv * uv);
-    mass_uu_ = vv * inverse;
-    mass_vv_ = uu * inverse;
-    mass_uv_ = -uv * inverse;
+    const S over_determinant = inverse(S(uu * vv - uv * uv));
+    mass_uu_ = vv * over_determinant;
+    mass_vv_ = uu * over_determinant;
+    mass_uv_ = -uv * over_determinant;
     tangent_response_ = S(0.5) * (uu + vv) +
                         positive_root(S(square(S(S(0.5) * (uu - vv))) + square(uv) + S(Constants<S>::tiny)));
-    slip_mass_ = S(1) / tangent_response_;
+    slip_mass_ = inverse(tangent_response_);
   }
 
   /// Velocity of the second surface relative to the first along direction d: 0 the normal, 1 and 2 the
@@ -122,7 +122,7 @@ class ContactPoint {
   /// The normal and two tangents, without a branch on the normal's direction (Duff et al. 2017).
   static std::array<Vec3<S>, 3> frame(const Vec3<S>& normal) {
     const S sign = select(normal.z < S(0), S(-1), S(1));
-    const S a = S(-1) / (sign + normal.z), b = normal.x * normal.y * a;
+    const S a = -inverse(S(sign + normal.z)), b = normal.x * normal.y * a;
     return {normal,
             {S(1) + sign * normal.x * normal.x * a, sign * b, -sign * normal.x},
             {b, sign + normal.y * normal.y * a, -normal.y}};

@@ -68,6 +68,11 @@ inline double root(double x) {
 inline float root(float x) { return _mm_cvtss_f32(_mm_sqrt_ss(_mm_set_ss(x))); }
 #endif
 
+/// One over a number; within 2 units in the last place where neither of them is subnormal.
+template <class S>
+S inverse(const S& x) {
+  return S(1) / x;
+}
 /// The square root of a positive number; within 2 units in the last place.
 template <class S>
 S positive_root(const S& x) {
