@@ -27,6 +27,13 @@ if(TARGET nlohmann_json::nlohmann_json)
     message(STATUS "python3 not found: no test of files against NumPy")
   endif()
 
+  find_package(Torch QUIET)
+  if(Torch_FOUND)
+    rbres_test(nn_libtorch LIBRARIES rbres::io torch)
+  else()
+    message(STATUS "libtorch not found: no test of networks against it")
+  endif()
+
   option(RBRES_FUZZ "build the libFuzzer targets (clang only)" OFF)
   if(RBRES_FUZZ)
     add_subdirectory(fuzz)
