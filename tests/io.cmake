@@ -28,6 +28,16 @@ if(TARGET nlohmann_json::nlohmann_json)
     message(STATUS "python3 not found: no test of files against NumPy")
   endif()
 
+  # clang takes libtorch 1.13's headers for C++17 only.
+  if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+    find_package(Torch QUIET)
+  endif()
+  if(Torch_FOUND)
+    rbres_test(nn_libtorch LIBRARIES rbres::io torch)
+  else()
+    message(STATUS "libtorch not found, or not g++: no test of networks against it")
+  endif()
+
   option(RBRES_FUZZ "build the libFuzzer targets (clang only)" OFF)
   if(RBRES_FUZZ)
     add_subdirectory(fuzz)
