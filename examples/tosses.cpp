@@ -5,7 +5,7 @@
 #include <cstring>
 #include <string>
 
-#include "tosses/rollout_training.hpp"
+#include "tosses/training.hpp"
 #include "tosses/simulator.hpp"
 
 namespace {

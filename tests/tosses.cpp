@@ -1,4 +1,4 @@
-#include "../examples/tosses/rollout_training.hpp"
+#include "../examples/tosses/training.hpp"
 #include "../examples/tosses/simulator.hpp"
 
 #include <doctest/doctest.h>

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <rbres/core/parallel.hpp>
 #include <rbres/nn/nn.hpp>
 
 #include "corner.hpp"
