@@ -37,6 +37,7 @@ class RatioReporter : public benchmark::ConsoleReporter {
   }
 
   void Finalize() override {
+    std::sort(rows_.begin(), rows_.end(), [](const Row& a, const Row& b) { return a.name < b.name; });
     for (const Row& ours : rows_) {
       const auto engine = std::find(ours.name.begin(), ours.name.end(), "rbres");
       if (engine == ours.name.end()) continue;
@@ -83,7 +84,7 @@ class RatioReporter : public benchmark::ConsoleReporter {
     const std::size_t n = ratios.size();
     const double median = 0.5 * (ratios[(n - 1) / 2] + ratios[n / 2]);
     char line[160];
-    std::snprintf(line, sizeof line, "%-28s / %-28s = %8.2f  [%.2f, %.2f]\n", join(peer.name).c_str(),
+    std::snprintf(line, sizeof line, "%-30s / %-30s = %8.2f  [%.2f, %.2f]\n", join(peer.name).c_str(),
                   join(ours.name).c_str(), median, ratios.front(), ratios.back());
     if (!std::exchange(titled_, true))
       GetOutputStream()

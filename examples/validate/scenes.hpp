@@ -38,16 +38,16 @@ inline void elastic_666(Rows& rows) {
     y[i].position = {0.21 * (i % 6) + random.uniform(0, 1e-3), 0.21 * (i / 6 % 6) + random.uniform(0, 1e-3),
                      1.101 + 0.21 * (i / 36) + random.uniform(0, 1e-3)};
   }
-  const double error = energy_error(system, y, 9.8, {.step = 1e-3, .duration = 10},
+  const double error = energy_error(system, y, 9.81, {.step = 1e-3, .duration = 10},
                                     [](double, double start) { return start; });
   rows.push_back({"elastic_666", error, 1e-9, "relative",
                   "SimBenchmark, energy RMS, 1 ms, 10 s (RaiSim 8.4e-5, ODE 3.1e-4, Bullet 5.9e-3, DART 1.7e-2); "
-                  "g = 9.8, offsets drawn uniformly from Philox, seed 666; heights from the floor"});
+                  "g = 9.81, offsets drawn uniformly from Philox, seed 666; heights from the floor"});
 }
 
 /// SimBenchmark's "bouncing".
 inline void bouncing_49(Rows& rows) {
-  constexpr double g = 9.8, radius = 0.1, centre = 5;
+  constexpr double g = 9.81, radius = 0.1, centre = 5;
   const auto run = [&](double e, const auto& expected) {
     const Material<double> material{e, 0};
     const auto system = System<double, 49, Sphere<double>>::of(Body{Sphere{radius}, 10.0, material},
@@ -58,7 +58,7 @@ inline void bouncing_49(Rows& rows) {
   };
   rows.push_back({"bouncing_49", run(1, [](double, double start) { return start; }), 1e-10, "relative",
                   "SimBenchmark, energy RMS, 1 ms, 20 s (RaiSim 5.7e-6, ODE 5.7e-4, DART 1.1e-2, Bullet 1.1e-2); "
-                  "g = 9.8"});
+                  "g = 9.81"});
   const double e = 0.8;
   const double error = run(e, [&](double time, double start) {
     const double rest = radius / centre;

@@ -9,8 +9,9 @@ namespace rbres {
 
 /// A shape is centred at the body's centre of mass. Every shape gives: bounding_radius() (m), lever() (the
 /// largest speed at which a unit spin moves the surface along its normal, m), volume() (m^3),
-/// unit_inertia() (principal moments of a uniform solid over its mass, m^2), and frontal(v), the area it
-/// turns towards a body-frame velocity v times |v| (m^3/s), from which the fluid's friction follows.
+/// unit_inertia() (principal moments of a uniform solid over its mass, m^2), and frontal(v, factor): the
+/// factor times the area it turns towards a body-frame velocity v times |v| (m^3/s), from which the fluid's
+/// friction follows.
 
 /// A ball.
 template <class S>
@@ -25,7 +26,9 @@ struct Sphere {
     const S i = as<S>(0.4) * radius * radius;
     return {i, i, i};
   }
-  S frontal(const Vec3<S>& v) const { return as<S>(std::numbers::pi) * radius * radius * norm(v); }
+  S frontal(const Vec3<S>& v, const S& factor) const {
+    return (factor * as<S>(std::numbers::pi) * radius * radius) * norm(v);
+  }
   template <class T>
   Sphere<T> cast() const {
     return {as<T>(radius)};
@@ -51,9 +54,10 @@ struct Box {
     return {third * (square(half.y) + square(half.z)), third * (square(half.x) + square(half.z)),
             third * (square(half.x) + square(half.y))};
   }
-  S frontal(const Vec3<S>& v) const {
+  S frontal(const Vec3<S>& v, const S& factor) const {
     using std::abs;
-    return S(4) * (half.y * half.z * abs(v.x) + half.x * half.z * abs(v.y) + half.x * half.y * abs(v.z));
+    return S(4) * factor *
+           (half.y * half.z * abs(v.x) + half.x * half.z * abs(v.y) + half.x * half.y * abs(v.z));
   }
   template <class T>
   Box<T> cast() const {
@@ -86,9 +90,9 @@ struct Capsule {
                      balls * (as<S>(0.4) * r2 + square(half_length) + S(0.75) * half_length * radius);
     return {across, across, cylinder * r2 / S(2) + balls * as<S>(0.4) * r2};
   }
-  S frontal(const Vec3<S>& v) const {
-    return as<S>(std::numbers::pi) * radius * radius * norm(v) +
-           S(4) * radius * half_length * norm(Vec3<S>{v.x, v.y, S(0)});
+  S frontal(const Vec3<S>& v, const S& factor) const {
+    return (factor * as<S>(std::numbers::pi) * radius * radius) * norm(v) +
+           (factor * S(4) * radius * half_length) * norm(Vec3<S>{v.x, v.y, S(0)});
   }
   template <class T>
   Capsule<T> cast() const {

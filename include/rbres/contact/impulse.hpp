@@ -29,9 +29,12 @@ void set_velocities(RigidState<S>& state, const Motion<S>& motion) {
 
 /// One point of contact between two bodies, or between a plane (first) and a body: its three directions, what
 /// a unit impulse along each does, and the impulse so far. Velocities are v_r = v_2 + w_2 x r_2 - v_1 - w_1 x
-/// r_1 (the paper's equation 5), impulses +p on the second body and -p on the first.
-template <class S, bool Fixed>
+/// r_1 (the paper's equation 5), impulses +p on the second body and -p on the first. `Central` as in
+/// Manifold.
+template <class S, bool Fixed, bool Central = false>
 class ContactPoint {
+  static constexpr std::size_t first_arm = Central ? 1 : 0;  ///< of the directions that turn a body
+
  public:
   ContactPoint() = default;
 
@@ -43,7 +46,7 @@ class ContactPoint {
     direction_[0] = normal;
     direction_[1] = {S(1) + sign * normal.x * normal.x * a, sign * b, -sign * normal.x};
     direction_[2] = {b, sign + normal.y * normal.y * a, -normal.y};
-    for (std::size_t d = 0; d < 3; ++d) {
+    for (std::size_t d = first_arm; d < 3; ++d) {
       arm2_[d] = cross(point - second.position, direction_[d]);
       spin2_[d] = second.inverse_inertia * arm2_[d];
       if constexpr (!Fixed) {
@@ -51,23 +54,28 @@ class ContactPoint {
         spin1_[d] = first.inverse_inertia * arm1_[d];
       }
     }
-    normal_mass_ = S(1) / response(0, 0, first, second);
+    normal_response_ = response(0, 0, first, second);
+    normal_mass_ = S(1) / normal_response_;
     const S uu = response(1, 1, first, second), vv = response(2, 2, first, second),
             uv = response(1, 2, first, second);
     const S inverse = S(1) / (uu * vv - uv * uv);
     mass_uu_ = vv * inverse;
     mass_vv_ = uu * inverse;
     mass_uv_ = -uv * inverse;
-    using std::sqrt;
     tangent_response_ =
-        S(0.5) * (uu + vv) + sqrt(S(square(S(0.5) * (uu - vv)) + square(uv) + S(Constants<S>::tiny)));
+        S(0.5) * (uu + vv) +
+        positive_square_root(S(square(S(0.5) * (uu - vv)) + square(uv) + S(Constants<S>::tiny)));
+    slip_mass_ = S(1) / tangent_response_;
   }
 
   /// Velocity of the second surface relative to the first along direction d: 0 the normal, 1 and 2 the
   /// tangents, m/s.
   S velocity(std::size_t d, const Motion<S>& first, const Motion<S>& second) const {
-    S v = dot(direction_[d], second.velocity) + dot(arm2_[d], second.angular_velocity);
-    if constexpr (!Fixed) v -= dot(direction_[d], first.velocity) + dot(arm1_[d], first.angular_velocity);
+    S v = dot(direction_[d], second.velocity);
+    if constexpr (!Fixed) v -= dot(direction_[d], first.velocity);
+    if (d < first_arm) return v;
+    v += dot(arm2_[d], second.angular_velocity);
+    if constexpr (!Fixed) v -= dot(arm1_[d], first.angular_velocity);
     return v;
   }
 
@@ -81,7 +89,7 @@ class ContactPoint {
     const S pushed = select(active, maximum(S(impulse_[0] + normal_mass_ * fault), S(0)), impulse_[0]);
     const S change = pushed - impulse_[0];
     impulse_[0] = pushed;
-    push(change, S(0), S(0), first, second);
+    push(0, change, first, second);
 
     const S u = velocity(1, first, second), v = velocity(2, first, second);
     const S stick_u = impulse_[1] - (mass_uu_ * u + mass_uv_ * v),
@@ -89,44 +97,51 @@ class ContactPoint {
     const S most = friction * pushed;
     const MaskOf<S> slides = square(stick_u) + square(stick_v) > square(most);
     // Against the slip itself: the sticking impulse of a corner points elsewhere.
-    const S slip_u = impulse_[1] - u / tangent_response_, slip_v = impulse_[2] - v / tangent_response_;
+    const S slip_u = impulse_[1] - slip_mass_ * u, slip_v = impulse_[2] - slip_mass_ * v;
     const S length2 = square(slip_u) + square(slip_v);
     const MaskOf<S> beyond = length2 > square(most);
-    const S share = select(beyond, S(most / square_root(select(beyond, length2, S(1)))), S(1));
+    const S share = select(beyond, S(most * inverse_square_root(select(beyond, length2, S(1)))), S(1));
     const S pu = select(active, select(slides, S(share * slip_u), stick_u), impulse_[1]);
     const S pv = select(active, select(slides, S(share * slip_v), stick_v), impulse_[2]);
     const S change_u = pu - impulse_[1], change_v = pv - impulse_[2];
-    push(S(0), change_u, change_v, first, second);
+    push(1, change_u, first, second);
+    push(2, change_v, first, second);
     impulse_[1] = pu;
     impulse_[2] = pv;
-    return maximum(S(abs(change) / normal_mass_), S(tangent_response_ * (abs(change_u) + abs(change_v))));
+    return maximum(S(normal_response_ * abs(change)), S(tangent_response_ * (abs(change_u) + abs(change_v))));
   }
 
+  /// Begins with an impulse that is guessed (N s).
+  void start(const std::array<S, 3>& impulse, Motion<S>& first, Motion<S>& second) {
+    impulse_ = impulse;
+    for (std::size_t d = 0; d < 3; ++d) push(d, impulse[d], first, second);
+  }
   /// Impulse along the normal and the two tangents, N s.
   const std::array<S, 3>& impulse() const { return impulse_; }
 
  private:
   S response(std::size_t d, std::size_t e, const Motion<S>& first, const Motion<S>& second) const {
-    S k = dot(arm2_[d], spin2_[e]);
-    if constexpr (!Fixed) k += dot(arm1_[d], spin1_[e]);
+    S k(0);
     if (d == e) {
-      k += second.inverse_mass;
+      k = second.inverse_mass;
       if constexpr (!Fixed) k += first.inverse_mass;
     }
+    if (d < first_arm) return k;
+    k += dot(arm2_[d], spin2_[e]);
+    if constexpr (!Fixed) k += dot(arm1_[d], spin1_[e]);
     return k;
   }
-  void push(const S& n, const S& u, const S& v, Motion<S>& first, Motion<S>& second) const {
-    const Vec3<S> p = n * direction_[0] + u * direction_[1] + v * direction_[2];
-    second.velocity += second.inverse_mass * p;
-    second.angular_velocity += n * spin2_[0] + u * spin2_[1] + v * spin2_[2];
-    if constexpr (!Fixed) {
-      first.velocity -= first.inverse_mass * p;
-      first.angular_velocity -= n * spin1_[0] + u * spin1_[1] + v * spin1_[2];
-    }
+  /// An impulse along direction d, N s.
+  void push(std::size_t d, const S& p, Motion<S>& first, Motion<S>& second) const {
+    second.velocity += (second.inverse_mass * p) * direction_[d];
+    if constexpr (!Fixed) first.velocity -= (first.inverse_mass * p) * direction_[d];
+    if (d < first_arm) return;
+    second.angular_velocity += p * spin2_[d];
+    if constexpr (!Fixed) first.angular_velocity -= p * spin1_[d];
   }
 
   std::array<Vec3<S>, 3> direction_, arm1_, arm2_, spin1_, spin2_;
-  S normal_mass_{}, mass_uu_{}, mass_uv_{}, mass_vv_{}, tangent_response_{};
+  S normal_response_{}, normal_mass_{}, mass_uu_{}, mass_uv_{}, mass_vv_{}, tangent_response_{}, slip_mass_{};
   std::array<S, 3> impulse_{};
 };
 
@@ -152,7 +167,7 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
                          Motion<S>& first, Motion<S>& second) {
   using std::abs;
   constexpr int sweeps = Central ? 1 : 200;
-  std::array<ContactPoint<S, Fixed>, P> point;
+  std::array<ContactPoint<S, Fixed, Central>, P> point;
   std::array<S, P> target, before[3];
   std::array<MaskOf<S>, P> active;
   MaskOf<S> hit(false);
@@ -161,13 +176,14 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
     active[i] = touching[i];
     target[i] = S(0);
     if (!any(touching[i])) continue;
-    point[i] = ContactPoint<S, Fixed>(manifold.normal, manifold.point[i], first, second);
+    point[i] = ContactPoint<S, Fixed, Central>(manifold.normal, manifold.point[i], first, second);
     for (std::size_t d = 0; d < 3; ++d) before[d][i] = point[i].velocity(d, first, second);
     const S& speed = before[0][i];
     active[i] = touching[i] & (speed <= S(0));
     target[i] = select(speed < -rest_speed, S(-surface.restitution * speed), S(0));
     hit = hit | (active[i] & (speed < -least_speed));
-    for (std::size_t d = 0; d < 3; ++d) fastest = maximum(fastest, select(active[i], abs(before[d][i]), S(0)));
+    for (std::size_t d = 0; d < 3; ++d)
+      fastest = maximum(fastest, select(active[i], abs(before[d][i]), S(0)));
   }
   if (!any(hit)) return hit;
 
@@ -216,7 +232,7 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
       second = second_before;
       for (std::size_t i = 0; i < P; ++i) {
         if (any(active[i]))
-          point[i] = ContactPoint<S, Fixed>(manifold.normal, manifold.point[i], first, second);
+          point[i] = ContactPoint<S, Fixed, Central>(manifold.normal, manifold.point[i], first, second);
       }
       solve(S(0));
       // Energy along the way from the frictionless solution (s = 0) to the other (s = 1): a + b s + c s^2.

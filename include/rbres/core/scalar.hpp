@@ -68,6 +68,11 @@ inline double square_root(double x) {
 inline float square_root(float x) { return _mm_cvtss_f32(_mm_sqrt_ss(_mm_set_ss(x))); }
 #endif
 
+/// The square root of a positive number; within 2 units in the last place.
+template <class S>
+S positive_square_root(const S& x) {
+  return square_root(x);
+}
 /// One over the square root of a positive number; within 2 units in the last place.
 template <class S>
 S inverse_square_root(const S& x) {

@@ -49,12 +49,8 @@ S squared_norm(const Vec3<S>& a) {
 }
 template <class S>
 [[gnu::always_inline]] inline S norm(const Vec3<S>& a) {
-  const S squared = dot(a, a) + S(Constants<S>::tiny);
-  if constexpr (Packed<S>) {
-    return squared * inverse_square_root(squared);
-  } else {
-    return square_root(squared);
-  }
+  const S squared = a.x * a.x + (a.y * a.y + (a.z * a.z + S(Constants<S>::tiny)));
+  return positive_square_root(squared);
 }
 template <class S>
 Vec3<S> absolute(const Vec3<S>& a) {

@@ -20,13 +20,16 @@ template <class S>
   rate.orientation = quaternion_rate(state.orientation, state.angular_velocity);
 }
 
-/// Newton and Euler (the paper's equations 1 and 2): m v' = F, I omega' = tau - omega x (I omega).
+/// Newton and Euler (the paper's equations 1 and 2): m v' = F, I omega' = tau - omega x (I omega). Along the
+/// principal axes the gyroscopic term is (I_y - I_z) w_y w_z and so on, zero where moments are equal.
 template <class S, class Shape>
 [[gnu::always_inline]] inline void set_dynamics(RigidRate<S>& rate, const Body<S, Shape>& body,
                                                 const RigidState<S>& state, const Wrench<S>& wrench) {
   rate.acceleration = body.inverse_mass() * wrench.force;
-  const Vec3<S>& w = state.angular_velocity;
-  rate.angular = scale(body.inverse_inertia(), wrench.torque - cross(w, scale(body.inertia(), w)));
+  const Vec3<S>&w = state.angular_velocity, &moment = body.inertia();
+  const Vec3<S> difference{moment.y - moment.z, moment.z - moment.x, moment.x - moment.y};
+  const Vec3<S> gyroscopic = scale(difference, Vec3<S>{w.y * w.z, w.z * w.x, w.x * w.y});
+  rate.angular = scale(body.inverse_inertia(), wrench.torque + gyroscopic);
 }
 
 /// y + h k, the quaternion not normalised.

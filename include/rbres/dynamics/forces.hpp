@@ -37,20 +37,24 @@ struct FluidFriction {
 
   template <class S, class Shape>
   [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>& state) const {
-    const S half_density = as<S>(T(0.5) * density);
-    const S frontal = detail::with_shape(body.shape(), [&](const auto& shape) {
+    const S factor = as<S>(T(-0.5) * density * drag);
+    const S resistance = detail::with_shape(body.shape(), [&](const auto& shape) {
       using Held = std::decay_t<decltype(shape)>;
       if constexpr (std::is_same_v<Held, Sphere<S>>) {
-        return shape.frontal(state.velocity);  // the same from every side
+        return shape.frontal(state.velocity, factor);  // the same from every side
       } else {
         return shape.frontal(
-            rotate(body.shape_rotation().conjugate(), rotate_back(state.orientation, state.velocity)));
+            rotate(body.shape_rotation().conjugate(), rotate_back(state.orientation, state.velocity)),
+            factor);
       }
     });
-    const S r = body.bounding_radius();
-    const S spin = half_density * as<S>(rotational_drag * T(std::numbers::pi)) * (r * r * r * r * r);
-    return {-(half_density * as<S>(drag) * frontal) * state.velocity,
-            -(spin * norm(state.angular_velocity)) * state.angular_velocity};
+    Wrench<S> wrench{resistance * state.velocity, {}};
+    if (rotational_drag != T(0)) {
+      const S r = body.bounding_radius();
+      const S spin = as<S>(T(-0.5 * std::numbers::pi) * density * rotational_drag) * (r * r * r * r * r);
+      wrench.torque = (spin * norm(state.angular_velocity)) * state.angular_velocity;
+    }
+    return wrench;
   }
 };
 FluidFriction()->FluidFriction<double>;

@@ -25,7 +25,7 @@ SystemState<S, N> advanced(const SystemState<S, N>& y, const S& h, const SystemR
 namespace detail {
 
 template <class S>
-void normalize(RigidState<S>& y) {
+[[gnu::always_inline]] inline void normalize(RigidState<S>& y) {
   y.orientation = normalized(y.orientation);
 }
 template <class S, int N>

@@ -28,17 +28,19 @@ class TrainingSet {
   using Columns = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
 
  public:
-  /// Encodes all scenarios of `data` for horizon number h; the first `train` of them train. Sets the
-  /// predictor's horizon and normalisers. Throws Error for an h or a count that the data does not have.
-  TrainingSet(Predictor& predictor, const ScenarioData& data, std::size_t h, Eigen::Index train) {
+  /// Encodes the first n scenarios of `data` for horizon number h. Sets the predictor's horizon, and its
+  /// normalisers from scenarios first_train ... n - 1 alone: those that train. Throws Error for numbers that
+  /// the data does not have.
+  TrainingSet(Predictor& predictor, const ScenarioData& data, std::size_t h, Eigen::Index first_train,
+              Eigen::Index n) {
     if (h >= data.horizons.size())
       detail::refuse("horizon number", detail::text("less than ", data.horizons.size()), h);
-    if (train < 1 || train > data.count()) {
-      detail::refuse("training scenarios", detail::text("1 to ", data.count()), train);
+    if (n < 1 || n > data.count()) detail::refuse("scenarios", detail::text("1 to ", data.count()), n);
+    if (first_train < 0 || first_train >= n) {
+      detail::refuse("first training scenario", detail::text("0 to ", n - 1), first_train);
     }
     predictor.horizon = data.horizons[h];
     using Code = typename Predictor::Code;
-    const Eigen::Index n = data.count();
     inputs_.resize(Code::inputs, n);
     targets_.resize(Code::outputs, n);
     weights_.resize(Code::outputs, n);
@@ -55,9 +57,11 @@ class TrainingSet {
       weights_.col(c).head(13 * present(c)).setOnes();
     });
     predictor.input = Normalizer<T, Code::inputs>::fit(
-        inputs_.leftCols(train), [&](Eigen::Index r, Eigen::Index c) { return r < 19 * present(c); });
+        inputs_.rightCols(n - first_train),
+        [&](Eigen::Index r, Eigen::Index c) { return r < 19 * present(first_train + c); });
     predictor.output = Normalizer<T, Code::outputs>::fit(
-        targets_.leftCols(train), [&](Eigen::Index r, Eigen::Index c) { return r < 13 * present(c); });
+        targets_.rightCols(n - first_train),
+        [&](Eigen::Index r, Eigen::Index c) { return r < 13 * present(first_train + c); });
     each_block(n, [&](Eigen::Index c) {
       const auto state = state_of(data.initial, c, present(c));
       inputs_.col(c) = predictor.encode(state, wrench_of(data, c), present(c));

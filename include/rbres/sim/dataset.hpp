@@ -51,7 +51,7 @@ ConstantWrench<S, N> lane_wrenches(const Index& lanes, const At& scenario_at) {
 
 template <BodySet Set, int N>
 void simulate_scenarios(World world, std::span<const Scenario> all, const std::vector<std::size_t>& chosen,
-                        const TruthOptions& options, ScenarioData& data) {
+                        const TruthOptions& options, Eigen::Index start, ScenarioData& data) {
   using S = Pack<double, std::max(native_lanes<double>, 2)>;
   const auto system = scenario_system<Set, N>(world);
   const auto at = [&](std::ptrdiff_t i) -> const Scenario& {
@@ -67,7 +67,8 @@ void simulate_scenarios(World world, std::span<const Scenario> all, const std::v
       [&](const auto& lanes) { return scenario_forces<Set>(lane_wrenches<S, N>(lanes, at)); }, Rk4{},
       {.step = options.step, .duration = data.horizons.back(), .sample_rate = options.sample_rate},
       [&](const auto& sample) {
-        const std::size_t column = chosen[static_cast<std::size_t>(sample.scenario)];
+        const std::size_t column =
+            static_cast<std::size_t>(start) + chosen[static_cast<std::size_t>(sample.scenario)];
         if (sample.impacts > 0 && !(data.first_contact[column] <= sample.time)) {
           data.first_contact[column] = static_cast<float>(sample.time);
         }
@@ -83,67 +84,85 @@ void simulate_scenarios(World world, std::span<const Scenario> all, const std::v
 
 }  // namespace detail
 
-/// Simulates scenarios first ... first + count - 1 of a sampler up to each horizon (s, increasing). A
-/// scenario's column depends on nothing but the sampler, its number and the options, so that a large set can
-/// be made piece by piece. Throws Error where a horizon is no whole number of samples, or truth met a number
-/// that is not finite.
-template <BodySet Set>
-ScenarioData generate(const ScenarioSampler<Set>& sampler, std::uint64_t first, Eigen::Index count,
-                      const std::vector<double>& horizons, const TruthOptions& options = {}) {
-  if (count < 1) detail::refuse("number of scenarios", "1 or more", count);
-  if (horizons.empty()) detail::refuse("horizons", "at least one", "none");
+namespace detail {
+
+inline void check_horizons(const std::vector<double>& horizons, double sample_rate) {
+  if (horizons.empty()) refuse("horizons", "at least one", "none");
   for (std::size_t h = 0; h < horizons.size(); ++h) {
-    const double samples = horizons[h] * options.sample_rate;
-    if (!(samples > 0.5) || std::abs(samples - std::round(samples)) > 1e-6 ||
-        (h > 0 && !(horizons[h] > horizons[h - 1]))) {
-      detail::refuse(detail::text("horizon ", h), "increasing times of a whole number of samples",
-                     horizons[h]);
+    const double samples = horizons[h] * sample_rate;
+    const bool whole = samples > 0.5 && std::abs(samples - std::round(samples)) < 1e-6;
+    if (!whole || (h > 0 && !(horizons[h] > horizons[h - 1]))) {
+      refuse(text("horizon ", h), "increasing times of a whole number of samples", horizons[h]);
     }
   }
-  const auto n = static_cast<std::size_t>(count);
-  std::vector<Scenario> scenarios(n);
-  parallel_for((count + 63) / 64, options.threads, [&](std::ptrdiff_t block) {
-    for (std::size_t i = static_cast<std::size_t>(block) * 64;
-         i < std::min(n, static_cast<std::size_t>(block + 1) * 64); ++i) {
-      scenarios[i] = sampler(first + i);
-    }
-  });
+}
 
+/// Columns start ... start + count - 1 of `data`: scenarios first + start, ...
+template <BodySet Set>
+void generate_piece(const ScenarioSampler<Set>& sampler, std::uint64_t first, Eigen::Index start,
+                    Eigen::Index count, const TruthOptions& options, ScenarioData& data) {
+  std::vector<Scenario> scenarios(static_cast<std::size_t>(count));
+  parallel_for(count, options.threads, [&](std::ptrdiff_t i) {
+    scenarios[static_cast<std::size_t>(i)] = sampler(first + static_cast<std::uint64_t>(start + i));
+  });
+  std::array<std::vector<std::size_t>, 3> by_count;  // those of 3, 4 and 5 bodies
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const Scenario& s = scenarios[static_cast<std::size_t>(i)];
+    data.initial.col(start + i).head(13 * s.bodies) = s.state.vector().head(13 * s.bodies).cast<float>();
+    for (int b = 0; b < s.bodies; ++b) {
+      const Eigen::Map<const Eigen::Matrix<double, 6, 1>> wrench(
+          &s.wrench[static_cast<std::size_t>(b)].force.x);
+      data.wrench.col(start + i).segment<6>(6 * b) = wrench.cast<float>();
+    }
+    data.body_count[static_cast<std::size_t>(start + i)] = static_cast<std::uint8_t>(s.bodies);
+    data.family[static_cast<std::size_t>(start + i)] = s.family;
+    by_count[static_cast<std::size_t>(s.bodies - 3)].push_back(static_cast<std::size_t>(i));
+  }
+  simulate_scenarios<Set, 3>(sampler.world(), scenarios, by_count[0], options, start, data);
+  simulate_scenarios<Set, 4>(sampler.world(), scenarios, by_count[1], options, start, data);
+  simulate_scenarios<Set, 5>(sampler.world(), scenarios, by_count[2], options, start, data);
+}
+
+}  // namespace detail
+
+/// Simulates scenarios first ... first + count - 1 of a sampler up to each horizon (s, increasing), piece by
+/// piece; progress(done) is called after each. A scenario's column depends on nothing but the sampler, its
+/// number and the options. Throws Error where a horizon is no whole number of samples, or truth met a number
+/// that is not finite.
+template <BodySet Set, class Progress>
+ScenarioData generate(const ScenarioSampler<Set>& sampler, std::uint64_t first, Eigen::Index count,
+                      const std::vector<double>& horizons, const TruthOptions& options,
+                      const Progress& progress) {
+  if (count < 1) detail::refuse("number of scenarios", "1 or more", count);
+  detail::check_horizons(horizons, options.sample_rate);
+  const auto n = static_cast<std::size_t>(count);
   ScenarioData data{
       horizons,
       ScenarioData::Columns::Zero(65, count),
       ScenarioData::Columns::Zero(30, count),
       std::vector<ScenarioData::Columns>(horizons.size(), ScenarioData::Columns::Zero(65, count)),
-      {},
-      {},
-      {}};
-  data.first_contact.assign(n, std::numeric_limits<float>::infinity());
-  std::array<std::vector<std::size_t>, 3> by_count;
-  for (std::size_t i = 0; i < n; ++i) {
-    const Scenario& s = scenarios[i];
-    const auto c = static_cast<Eigen::Index>(i);
-    data.initial.col(c).head(13 * s.bodies) = s.state.vector().head(13 * s.bodies).cast<float>();
-    for (int b = 0; b < s.bodies; ++b) {
-      const auto& w = s.wrench[static_cast<std::size_t>(b)];
-      data.wrench.col(c).segment<6>(6 * b) =
-          Eigen::Map<const Eigen::Matrix<double, 6, 1>>(&w.force.x).cast<float>();
-    }
-    data.body_count.push_back(static_cast<std::uint8_t>(s.bodies));
-    data.family.push_back(s.family);
-    by_count[static_cast<std::size_t>(s.bodies - 3)].push_back(i);
-  }
-  detail::simulate_scenarios<Set, 3>(sampler.world(), scenarios, by_count[0], options, data);
-  detail::simulate_scenarios<Set, 4>(sampler.world(), scenarios, by_count[1], options, data);
-  detail::simulate_scenarios<Set, 5>(sampler.world(), scenarios, by_count[2], options, data);
-  for (const auto& states : data.states) {
-    for (Eigen::Index c = 0; c < count; ++c) {
-      if (!std::isfinite(states(0, c))) {
+      std::vector<std::uint8_t>(n),
+      std::vector<Family>(n),
+      std::vector<float>(n, std::numeric_limits<float>::infinity())};
+  constexpr Eigen::Index piece = 2304;  // all families and body counts in equal shares
+  for (Eigen::Index start = 0; start < count; start += piece) {
+    const Eigen::Index size = std::min(piece, count - start);
+    detail::generate_piece(sampler, first, start, size, options, data);
+    for (const auto& states : data.states) {
+      for (Eigen::Index c = start; c < start + size; ++c) {
+        if (std::isfinite(states(0, c))) continue;
         detail::refuse(detail::text("truth of scenario ", first + static_cast<std::uint64_t>(c)),
                        "finite numbers", "others");
       }
     }
+    progress(start + size);
   }
   return data;
+}
+template <BodySet Set>
+ScenarioData generate(const ScenarioSampler<Set>& sampler, std::uint64_t first, Eigen::Index count,
+                      const std::vector<double>& horizons, const TruthOptions& options = {}) {
+  return generate(sampler, first, count, horizons, options, [](Eigen::Index) {});
 }
 
 }  // namespace rbres

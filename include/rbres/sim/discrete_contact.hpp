@@ -1,7 +1,6 @@
 #pragma once
 
-#include <rbres/contact/detect.hpp>
-#include <rbres/contact/impulse.hpp>
+#include <rbres/contact/contact_pair.hpp>
 
 namespace rbres {
 
@@ -15,34 +14,13 @@ struct ContactTally {
 
 namespace detail {
 
-/// The pair's combined material.
-template <class System>
-Surface<typename System::Scalar> surface_of(const System& system, int first, int second) {
-  const auto& b = system[second].material();
-  const auto& a =
-      first < 0 ? system.planes()[static_cast<std::size_t>(-1 - first)].material : system[first].material();
-  return {combined_restitution(a, b), combined_friction(a, b)};
-}
-
-/// Calls f(manifold, is_plane) with how the pair (as in Candidate) meets in this state.
-template <class System, class F>
-void with_manifold(const System& system, const typename System::State& y, int first, int second, const F& f) {
-  const auto pose = shape_pose(system[second], y[second]);
-  if (first < 0) {
-    f(detect(system.planes()[static_cast<std::size_t>(-1 - first)], system[second].shape(), pose),
-      std::true_type{});
-  } else {
-    f(detect(system[first].shape(), shape_pose(system[first], y[first]), system[second].shape(), pose),
-      std::false_type{});
-  }
-}
-
 /// Writes velocities back where `changed`; other lanes keep their bits.
 template <class S>
 void set_velocities_where(const MaskOf<S>& changed, RigidState<S>& state, const Motion<S>& motion) {
   RigidState<S> next = state;
   set_velocities(next, motion);
-  state = select(changed, next, state);
+  state.velocity = select(changed, next.velocity, state.velocity);
+  state.angular_velocity = select(changed, next.angular_velocity, state.angular_velocity);
 }
 
 /// One pair at the end of a step: impulse where it overlaps and approaches, and the overlap taken away along
@@ -50,9 +28,9 @@ void set_velocities_where(const MaskOf<S>& changed, RigidState<S>& state, const 
 /// approach.
 template <class System>
 [[gnu::noinline, gnu::flatten]] void meet(const System& system, const typename System::State& before,
-                            typename System::State& y, int first, int second,
-                            const typename System::Scalar& rest_speed,
-                            ContactTally<typename System::Scalar>& tally) {
+                                          typename System::State& y, int first, int second,
+                                          const typename System::Scalar& rest_speed,
+                                          ContactTally<typename System::Scalar>& tally) {
   using S = typename System::Scalar;
   with_manifold(system, y, first, second, [&](const auto& manifold, auto is_plane) {
     constexpr bool fixed = decltype(is_plane)::value;

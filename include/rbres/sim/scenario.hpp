@@ -101,6 +101,7 @@ class ScenarioSampler {
     // Redrawn whole until it is one of its family: a handful of times at most on average.
     do {
       draw(s, random);
+      round(s);
     } while (!fits(s));
     return s;
   }
@@ -157,6 +158,16 @@ class ScenarioSampler {
         const Vec3<double> bend =
             (0.5 * when * when / body_.mass()) * s.wrench[static_cast<std::size_t>(i)].force;
         s.state[i].velocity = (1 / when) * (in_ball(r, 0.3) - s.state[i].position - bend);
+      }
+    }
+  }
+
+  /// To numbers that a float holds, so that data sets of floats lose nothing.
+  static void round(Scenario& s) {
+    for (double& x : s.state.vector().reshaped()) x = static_cast<double>(static_cast<float>(x));
+    for (auto& w : s.wrench) {
+      for (double* x : {&w.force.x, &w.force.y, &w.force.z, &w.torque.x, &w.torque.y, &w.torque.z}) {
+        *x = static_cast<double>(static_cast<float>(*x));
       }
     }
   }
