@@ -114,7 +114,7 @@ class ContactPoint {
   /// Begins with an impulse that is guessed (N s).
   void start(const std::array<S, 3>& impulse, Motion<S>& first, Motion<S>& second) {
     impulse_ = impulse;
-    push(impulse[0], impulse[1], impulse[2], first, second);
+    for (std::size_t d = 0; d < 3; ++d) push(d, impulse[d], first, second);
   }
   /// Impulse along the normal and the two tangents, N s.
   const std::array<S, 3>& impulse() const { return impulse_; }
