@@ -62,9 +62,9 @@ class ContactPoint {
     mass_uu_ = vv * inverse;
     mass_vv_ = uu * inverse;
     mass_uv_ = -uv * inverse;
+    const S half = S(0.5) * (uu - vv);
     tangent_response_ =
-        S(0.5) * (uu + vv) +
-        positive_square_root(S(square(S(0.5) * (uu - vv)) + square(uv) + S(Constants<S>::tiny)));
+        S(0.5) * (uu + vv) + positive_square_root(S(half * half + uv * uv + S(Constants<S>::tiny)));
     slip_mass_ = S(1) / tangent_response_;
   }
 
@@ -79,17 +79,26 @@ class ContactPoint {
     return v;
   }
 
-  /// Brings the point towards its law, the others held: along the normal towards the speed `target`, or no
-  /// impulse where it leaves faster; along the surface towards sticking where friction times the normal
-  /// impulse suffices, else towards that much against the slip (the paper's equations 6 to 8, with the
-  /// impulse's sign such that bodies part). Only where `active`. Returns how far the velocity was off (m/s).
-  S relax(const S& target, const S& friction, const MaskOf<S>& active, Motion<S>& first, Motion<S>& second) {
+  /// Brings the point along its normal towards the speed `target`, the others held, or no impulse where it
+  /// leaves faster. Only where `active`. Returns how far the speed was off (m/s).
+  S relax_normal(const S& target, const MaskOf<S>& active, Motion<S>& first, Motion<S>& second) {
     using std::abs;
     const S fault = target - velocity(0, first, second);
     const S pushed = select(active, maximum(S(impulse_[0] + normal_mass_ * fault), S(0)), impulse_[0]);
     const S change = pushed - impulse_[0];
     impulse_[0] = pushed;
     push(0, change, first, second);
+    return normal_response_ * abs(change);
+  }
+
+  /// Brings the point towards its law, the others held: along the normal towards the speed `target`, or no
+  /// impulse where it leaves faster; along the surface towards sticking where friction times the normal
+  /// impulse suffices, else towards that much against the slip (the paper's equations 6 to 8, with the
+  /// impulse's sign such that bodies part). Only where `active`. Returns how far the velocity was off (m/s).
+  S relax(const S& target, const S& friction, const MaskOf<S>& active, Motion<S>& first, Motion<S>& second) {
+    using std::abs;
+    const S off = relax_normal(target, active, first, second);
+    const S& pushed = impulse_[0];
 
     const S u = velocity(1, first, second), v = velocity(2, first, second);
     const S stick_u = impulse_[1] - (mass_uu_ * u + mass_uv_ * v),
@@ -108,7 +117,7 @@ class ContactPoint {
     push(2, change_v, first, second);
     impulse_[1] = pu;
     impulse_[2] = pv;
-    return maximum(S(normal_response_ * abs(change)), S(tangent_response_ * (abs(change_u) + abs(change_v))));
+    return maximum(off, S(tangent_response_ * (abs(change_u) + abs(change_v))));
   }
 
   /// Begins with an impulse that is guessed (N s).
@@ -141,8 +150,8 @@ class ContactPoint {
   }
 
   std::array<Vec3<S>, 3> direction_, arm1_, arm2_, spin1_, spin2_;
-  S normal_response_{}, normal_mass_{}, mass_uu_{}, mass_uv_{}, mass_vv_{}, tangent_response_{}, slip_mass_{};
-  std::array<S, 3> impulse_{};
+  S normal_response_, normal_mass_, mass_uu_, mass_uv_, mass_vv_, tangent_response_, slip_mass_;
+  std::array<S, 3> impulse_{S(0), S(0), S(0)};
 };
 
 /// What two surfaces agree on.
@@ -183,7 +192,7 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
     target[i] = select(speed < -rest_speed, S(-surface.restitution * speed), S(0));
     hit = hit | (active[i] & (speed < -least_speed));
     for (std::size_t d = 0; d < 3; ++d)
-      fastest = maximum(fastest, select(active[i], abs(before[d][i]), S(0)));
+      fastest = maximum(fastest, select(active[i], S(abs(before[d][i])), S(0)));
   }
   if (!any(hit)) return hit;
 
