@@ -46,13 +46,12 @@ bool load_as(const SafetensorsReader& file, AnyPredictor& any) {
       found->second != detail::network_metadata<typename Predictor::Network>().at("architecture")) {
     return false;
   }
-  any.rollout = [predictor = ModelFormat<Predictor>::read(file)](const auto& state, const auto& wrench,
-                                                                 auto& states, int present) {
+  auto predictor = ModelFormat<Predictor>::read(file);
+  any.horizon = predictor.horizon;
+  any.rollout = [predictor = std::move(predictor)](const auto& state, const auto& wrench, auto& states,
+                                                   int present) {
     predictor.rollout(state, wrench, states, present);
   };
-  Eigen::Matrix<double, 1, 1> horizon;
-  detail::numbers_from_metadata(file, "horizon", horizon);
-  any.horizon = horizon[0];
   return true;
 }
 
@@ -144,8 +143,8 @@ class Rollout {
 
   static long whole_steps(double seconds, double horizon) {
     const double steps = std::round(seconds / horizon);
-    if (!(steps >= 1 && std::abs(steps * horizon - seconds) < 1e-9 * seconds))
-      detail::refuse("--seconds", detail::text("a whole number of the model's ", horizon, " s"), seconds);
+    if (!(steps >= 1 && steps <= 100'000 && std::abs(steps * horizon - seconds) < 1e-9 * seconds))
+      detail::refuse("--seconds", detail::text("1 to 100000 times the model's ", horizon, " s"), seconds);
     return std::lround(steps);
   }
 
