@@ -1,9 +1,7 @@
 #pragma once
 
-/// Files: safetensors, NumPy's .npy and glTF animations. Needs nlohmann_json and POSIX besides what
-/// <rbres/rbres.hpp> needs.
-/// Files: models, checkpoints and headers of networks, NumPy's .npy for data. Needs nlohmann_json and POSIX
-/// besides what <rbres/rbres.hpp> needs.
+/// Files: models, checkpoints and headers of networks, NumPy's .npy for data, glTF animations. Needs
+/// nlohmann_json and POSIX besides what <rbres/rbres.hpp> needs.
 ///
 ///     save("model.safetensors", network);                       // Python's safetensors reads it
 ///     const auto network = load<Network>("model.safetensors");  // also what PyTorch wrote
