@@ -1,10 +1,10 @@
-#include "network_rows.hpp"
-
+/// The network of the paper, 95 -> 256 -> K blocks -> 65, float, in rbres and, where their packages are
+/// found, in libtorch and oneDNN, whose rows stand in network_peers_*.cpp.
 #include <cstdio>
 #include <memory>
 
-// Inference and training of the paper's network, 95 -> 256 -> K blocks -> 65, float, in this library. Rows of
-// other libraries stand in network_peers_*.cpp and register themselves.
+#include "network_rows.hpp"
+#include "ratio_reporter.hpp"
 
 namespace {
 
@@ -51,9 +51,7 @@ const bool registered = (register_rows<10>(), register_rows<4>(), true);
 }  // namespace
 
 int main(int argc, char** argv) {
-  benchmark::Initialize(&argc, argv);
-  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   std::printf("peak of one core: %.1f GFLOP/s in float, registers of %zu bytes\n", 1e-9 * peak(0.05),
               rbres::detail::simd_bytes);
-  benchmark::RunSpecifiedBenchmarks();
+  return rbres::bench::run_benchmarks(argc, argv);
 }

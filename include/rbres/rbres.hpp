@@ -1,9 +1,23 @@
 #pragma once
 
 /// Everything but files (those are in <rbres/io.hpp>); needs Eigen alone.
+#include <rbres/body/system.hpp>
 #include <rbres/core/aligned.hpp>
 #include <rbres/core/error.hpp>
+#include <rbres/core/pack.hpp>
 #include <rbres/core/parallel.hpp>
 #include <rbres/core/philox.hpp>
+#include <rbres/dynamics/dormand_prince.hpp>
+#include <rbres/dynamics/forces.hpp>
+#include <rbres/dynamics/free_flight.hpp>
+#include <rbres/dynamics/integrators.hpp>
+#include <rbres/eval/baselines.hpp>
+#include <rbres/eval/metrics.hpp>
+#include <rbres/eval/training_set.hpp>
 #include <rbres/nn/nn.hpp>
+#include <rbres/predict/predictor.hpp>
+#include <rbres/sim/batch.hpp>
+#include <rbres/sim/dataset.hpp>
+#include <rbres/sim/scenario.hpp>
+#include <rbres/sim/simulate.hpp>
 #include <rbres/version.hpp>

@@ -8,7 +8,8 @@
 
 namespace rbres {
 
-/// A flat block of numbers on the heap, aligned to a cache line; a copy is a copy. The size is fixed when it is built.
+/// A flat block of numbers on the heap, aligned to a cache line; a copy is a copy. The size is fixed when it
+/// is built.
 template <class T>
 class AlignedBuffer {
   static_assert(std::is_trivially_copyable_v<T>, "AlignedBuffer holds plain numbers");
@@ -17,7 +18,9 @@ class AlignedBuffer {
   static constexpr std::size_t alignment = 64;
 
   AlignedBuffer() noexcept = default;
-  explicit AlignedBuffer(std::size_t size) : data_(allocate(size)), size_(size) { std::fill_n(data_, size, T{}); }
+  explicit AlignedBuffer(std::size_t size) : data_(allocate(size)), size_(size) {
+    std::fill_n(data_, size, T{});
+  }
   AlignedBuffer(const AlignedBuffer& other) : data_(allocate(other.size_)), size_(other.size_) {
     std::copy_n(other.data_, size_, data_);
   }
@@ -29,7 +32,7 @@ class AlignedBuffer {
     return *this;
   }
   ~AlignedBuffer() {
-    if (data_ != nullptr) ::operator delete(data_, std::align_val_t{alignment});
+    if (data_ != nullptr) ::operator delete (data_, std::align_val_t{alignment});
   }
 
   T* data() noexcept { return data_; }
@@ -44,7 +47,8 @@ class AlignedBuffer {
 
  private:
   static T* allocate(std::size_t size) {
-    return size == 0 ? nullptr : static_cast<T*>(::operator new(size * sizeof(T), std::align_val_t{alignment}));
+    return size == 0 ? nullptr
+                     : static_cast<T*>(::operator new (size * sizeof(T), std::align_val_t{alignment}));
   }
 
   T* data_ = nullptr;

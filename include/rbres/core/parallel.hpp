@@ -8,7 +8,8 @@
 
 namespace rbres {
 
-/// Threads that parallel work uses unless told otherwise: OpenMP's choice where the user's flags turn it on, else 1.
+/// Threads that parallel work uses unless told otherwise: OpenMP's choice where the user's flags turn it on,
+/// else 1.
 inline int default_threads() noexcept {
 #ifdef _OPENMP
   return omp_get_max_threads();
@@ -17,8 +18,8 @@ inline int default_threads() noexcept {
 #endif
 }
 
-/// Calls task(i) for i in [0, count), over `threads` threads (0: default_threads()). Tasks must not throw, and must
-/// not share what they write: then the result cannot depend on the number of threads.
+/// Calls task(i) for i in [0, count), over `threads` threads (0: default_threads()). Tasks must not throw,
+/// and must not share what they write: then the result cannot depend on the number of threads.
 template <class Task>
 void parallel_for(std::ptrdiff_t count, int threads, const Task& task) {
 #ifdef _OPENMP

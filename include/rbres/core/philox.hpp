@@ -7,8 +7,8 @@
 
 namespace rbres {
 
-/// One block of Philox 4x32-10: four 32-bit random words as a pure function of a 128-bit counter and a 64-bit key.
-/// Salmon, Moraes, Dror, Shaw: "Parallel random numbers: as easy as 1, 2, 3", SC 2011, section 4.3.
+/// One block of Philox 4x32-10: four 32-bit random words as a pure function of a 128-bit counter and a 64-bit
+/// key. Salmon, Moraes, Dror, Shaw: "Parallel random numbers: as easy as 1, 2, 3", SC 2011, section 4.3.
 constexpr std::array<std::uint32_t, 4> philox4x32(std::array<std::uint32_t, 4> counter,
                                                   std::array<std::uint32_t, 2> key) noexcept {
   for (int round = 0; round < 10; ++round) {
@@ -54,7 +54,8 @@ class Random {
   /// Uniform in [from, to).
   constexpr double uniform(double from, double to) noexcept { return from + (to - from) * uniform(); }
 
-  /// Uniform integer in [0, bound), without bias (Lemire 2019, "Fast random integer generation in an interval").
+  /// Uniform integer in [0, bound), without bias (Lemire 2019, "Fast random integer generation in an
+  /// interval").
   constexpr std::uint32_t below(std::uint32_t bound) noexcept {
     std::uint64_t product = std::uint64_t{word()} * bound;
     if (static_cast<std::uint32_t>(product) < bound) {
@@ -64,7 +65,8 @@ class Random {
     return static_cast<std::uint32_t>(product >> 32);
   }
 
-  /// Standard normal (Box and Muller 1958; the second number of each pair is dropped, so that no state is hidden).
+  /// Standard normal (Box and Muller 1958; the second number of each pair is dropped, so that no state is
+  /// hidden).
   double normal() noexcept {
     const double u = 1.0 - uniform();  // in (0, 1]
     const double v = uniform();
@@ -73,7 +75,9 @@ class Random {
 
  private:
   static constexpr std::uint32_t low(std::uint64_t x) noexcept { return static_cast<std::uint32_t>(x); }
-  static constexpr std::uint32_t high(std::uint64_t x) noexcept { return static_cast<std::uint32_t>(x >> 32); }
+  static constexpr std::uint32_t high(std::uint64_t x) noexcept {
+    return static_cast<std::uint32_t>(x >> 32);
+  }
 
   std::uint64_t seed_, stream_, position_;
   std::uint64_t block_ = 0;

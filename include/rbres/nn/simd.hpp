@@ -71,7 +71,7 @@ template <class V, class F>
 /// The exact square root of every lane. (A loop of std::sqrt is not made one instruction, as it may have to
 /// set errno.)
 template <class V>
-[[gnu::always_inline]] inline V square_root(const V& x) noexcept {
+[[gnu::always_inline]] inline V root_of_lanes(const V& x) noexcept {
   [[maybe_unused]] constexpr bool single = sizeof(x[0]) == sizeof(float);
 #if defined(__AVX512F__)  // zero-masked with every lane kept: the plain forms warn inside GCC 12's header
   if constexpr (single)

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <benchmark/benchmark.h>
+
+#include <cmath>
+#include <deque>
+#include <string>
+#include <vector>
+
+#include "scene.hpp"
+
+namespace rbres::bench {
+
+/// Runs every scene for its whole duration; building the worlds is not timed. `build` gives a container of
+/// engines that together hold the scenes. An engine has
+///   void step()           takes all of its scenes one step
+///   double contacts()     points (rbres: pairs of bodies) found touching, summed over its scenes and steps
+///   double mean_height()  over the bodies of its scenes
+template <class Build>
+void run_scenes(benchmark::State& state, double step, const Build& build) {
+  const long steps = std::lround(duration / step);
+  double contacts = 0.0, height = 0.0;
+  for (auto _ : state) {
+    state.PauseTiming();
+    auto engines = build();
+    state.ResumeTiming();
+    for (auto& engine : engines)
+      for (long i = 0; i < steps; ++i) engine.step();
+    state.PauseTiming();
+    contacts = height = 0.0;
+    for (const auto& engine : engines) {
+      contacts += engine.contacts();
+      height += engine.mean_height() / static_cast<double>(engines.size());
+    }
+    engines.clear();
+    state.ResumeTiming();
+  }
+  using benchmark::Counter;
+  const double runs = static_cast<double>(state.iterations()) * scene_count;
+  state.counters["us_per_scenario"] = Counter(runs * 1e-6, Counter::kIsRate | Counter::kInvert);
+  state.counters["contacts_per_step"] = contacts / static_cast<double>(scene_count * steps);
+  state.counters["mean_height"] = height;
+}
+
+/// Registers SHAPE/ENGINE (steps of 2 ms) and SHAPE/ENGINE/10ms; build(step) gives the engines.
+template <class Build>
+void register_rows(Shape shape, const std::string& engine, const Build& build) {
+  const auto add = [&](const std::string& suffix, double step) {
+    benchmark::RegisterBenchmark(
+        (std::string(name(shape)) + "/" + engine + suffix).c_str(),
+        [=](benchmark::State& state) { run_scenes(state, step, [&] { return build(step); }); })
+        ->Unit(benchmark::kMillisecond);
+  };
+  add("", 0.002);
+  add("/10ms", 0.010);
+}
+
+/// The rows of a peer, one world for each scene: Peer(shape, starts, step, options...).
+template <class Peer, class... Options>
+bool register_peer(const std::string& engine, Options... options) {
+  for (const Shape shape : shapes)
+    register_rows(shape, engine, [=](double step) {
+      std::deque<Peer> worlds;
+      for (int i = 0; i < scene_count; ++i) worlds.emplace_back(shape, scene(i), step, options...);
+      return worlds;
+    });
+  return true;
+}
+
+}  // namespace rbres::bench

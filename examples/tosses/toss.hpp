@@ -1,0 +1,107 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <rbres/body/state.hpp>
+#include <rbres/io/npy.hpp>
+#include <vector>
+
+/// The measured cube tosses of ContactNets (Pfrommer, Halm, Posa, CoRL 2020), and what is known of the cube.
+namespace rbres::tosses {
+
+inline constexpr double frame_time = 1.0 / 148;  ///< s
+inline constexpr double half_width = 0.0524;     ///< m
+inline constexpr double mass = 0.37;             ///< kg
+inline constexpr double inertia = 8.1e-4;        ///< kg m^2, about every axis
+inline constexpr double gravity = 9.81;          ///< m/s^2
+
+using State = RigidState<double>;
+
+/// One toss, frame by frame. A frame's velocities are those that led to its pose: position after = position
+/// before + frame_time * velocity after.
+using Toss = std::vector<State>;
+
+/// Reads a .npy file of one row per frame and 14 columns: toss number, position (3), orientation (4, real
+/// part first), velocity (3), body-frame angular velocity (3). A file that is missing or broken is refused
+/// whole, naming the row (counted from 0): measured data with a hole in it would train and score something
+/// else than it says. Refused are: another shape or type, no rows, a number that is not finite, a quaternion
+/// whose length is off by more than 1e-3, a toss of a single frame. Shorter errors of a quaternion's length
+/// are normalised away.
+inline std::vector<Toss> read_tosses(const std::filesystem::path& path) {
+  const NpyReader<double> file(path);
+  const std::string name = path.string();
+  if (file.shape().size() != 2 || file.features() != 14) {
+    detail::refuse(name, "rows of 14 numbers", detail::text(file.features(), " a row"));
+  }
+  if (file.samples() == 0) detail::refuse(name, "at least one toss", "no rows");
+  const auto rows = file.read();
+
+  std::vector<Toss> tosses;
+  const auto close_toss = [&](Eigen::Index row) {
+    if (!tosses.empty() && tosses.back().size() < 2) {
+      detail::refuse(detail::text(name, ", row ", row - 1), "a toss of two frames or more",
+                     "one of a single frame");
+    }
+  };
+  for (Eigen::Index r = 0; r < rows.cols(); ++r) {
+    const auto x = rows.col(r);
+    for (Eigen::Index c = 0; c < x.size(); ++c) {
+      if (!std::isfinite(x[c]))
+        detail::refuse(detail::text(name, ", row ", r, ", column ", c), "a finite number", x[c]);
+    }
+    const Quat<double> q{x[5], x[6], x[7], x[4]};
+    const double length = std::sqrt(squared_norm(q));
+    if (!(std::abs(length - 1) < 1e-3)) {
+      detail::refuse(detail::text(name, ", row ", r), "a unit quaternion",
+                     detail::text("one of length ", length));
+    }
+    if (r == 0 || x[0] != rows(0, r - 1)) {
+      close_toss(r);
+      tosses.emplace_back();
+    }
+    tosses.back().push_back({{x[1], x[2], x[3]}, normalized(q), {x[8], x[9], x[10]}, {x[11], x[12], x[13]}});
+  }
+  close_toss(rows.cols());
+  return tosses;
+}
+
+/// The rotation from a to b as a rotation vector in a's frame, rad, of length at most pi.
+inline Vec3<double> rotation_between(const Quat<double>& a, const Quat<double>& b) {
+  const Quat<double> d = a.conjugate() * b;
+  const Vec3<double> v = d.w < 0 ? -d.imaginary() : d.imaginary();
+  const double sine = std::sqrt(squared_norm(v));
+  return (sine < 1e-12 ? 2.0 : 2 * std::atan2(sine, std::abs(d.w)) / sine) * v;
+}
+
+/// The unit quaternion of a rotation vector (rad).
+inline Quat<double> rotation_of(const Vec3<double>& v) {
+  const double half = std::sqrt(squared_norm(v)) / 2;
+  const Vec3<double> axis = (half < 1e-12 ? 0.5 : std::sin(half) / (2 * half)) * v;
+  return {axis.x, axis.y, axis.z, std::cos(half)};
+}
+
+/// The floor's height, m: the median over tosses of where the cube's lowest corner is in the last frame, at
+/// rest.
+inline double floor_height(const std::vector<Toss>& tosses) {
+  std::vector<double> lowest;
+  for (const Toss& toss : tosses) {
+    const Mat3<double> axes = rotation_matrix(toss.back().orientation);
+    lowest.push_back(toss.back().position.z -
+                     half_width * (std::abs(axes.x.z) + std::abs(axes.y.z) + std::abs(axes.z.z)));
+  }
+  const auto middle = lowest.begin() + std::ssize(lowest) / 2;
+  std::nth_element(lowest.begin(), middle, lowest.end());
+  return *middle;
+}
+
+/// A frame with more velocity, which moves the pose along: by these changes of velocity and of body-frame
+/// spin.
+inline void add_velocity(State& state, const Vec3<double>& change, const Vec3<double>& spin) {
+  state.position += frame_time * change;
+  state.orientation = normalized(state.orientation * rotation_of(frame_time * spin));
+  state.velocity += change;
+  state.angular_velocity += spin;
+}
+
+}  // namespace rbres::tosses

@@ -1,0 +1,143 @@
+#pragma once
+
+#include <rbres/body/inertia.hpp>
+#include <rbres/body/shape.hpp>
+
+namespace rbres {
+
+/// How a surface answers a contact. Two surfaces combine to the larger restitution and the geometric mean of
+/// friction.
+template <class S>
+struct Material {
+  S restitution = as<S>(0.5);  ///< speed after over speed before along the normal, in [0, 1]
+  S friction = as<S>(0.3);     ///< Coulomb coefficient, 0 or more
+};
+
+template <class S>
+S combined_restitution(const Material<S>& a, const Material<S>& b) {
+  return maximum(a.restitution, b.restitution);
+}
+template <class S>
+S combined_friction(const Material<S>& a, const Material<S>& b) {
+  using std::sqrt;
+  return sqrt(S(a.friction * b.friction));
+}
+
+namespace detail {
+template <class S>
+void check_material(const Material<S>& m, const std::string& what) {
+  if (!(m.restitution >= S(0) && m.restitution <= S(1))) {
+    refuse(what + ", restitution", "a number in [0, 1]", m.restitution);
+  }
+  if (!(m.friction >= S(0)) || !is_finite(m.friction)) {
+    refuse(what + ", friction", "a number of 0 or more", m.friction);
+  }
+}
+}  // namespace detail
+
+/// One rigid body: what it is, not where. The body frame is at the centre of mass along the principal axes of
+/// inertia. Every constructor throws Error for a mass, shape, inertia or material that no body can have.
+template <class S, class Shape_ = AnyShape<S>>
+class Body {
+ public:
+  using Scalar = S;
+  using Shape = Shape_;
+
+  /// A uniform solid of this mass (kg).
+  Body(const Shape& shape, const S& mass, const Material<S>& material = {})
+      : Body(shape, mass, mass * detail::with_shape(shape, [](const auto& s) { return s.unit_inertia(); }),
+             material) {}
+
+  /// A body of this mass (kg) and these principal moments (kg m^2), along the shape's axes.
+  Body(const Shape& shape, const S& mass, const Vec3<S>& moments, const Material<S>& material = {})
+      : Body(shape, mass, PrincipalInertia<S>{moments, {}}, material) {}
+
+  /// A body of this mass (kg) and this inertia tensor (kg m^2), given along the shape's axes. Its orientation
+  /// is that of the principal axes; shape_rotation() says how the shape stands in them.
+  Body(const Shape& shape, const S& mass, const Eigen::Matrix<S, 3, 3>& tensor,
+       const Material<S>& material = {}) requires(!Packed<S>)
+      : Body(shape, mass, principal_inertia(tensor), material) {}
+
+  /// A uniform solid of this density (kg/m^3).
+  static Body of_density(const Shape& shape, const S& density, const Material<S>& material = {}) {
+    return Body(shape, density * detail::with_shape(shape, [](const auto& s) { return s.volume(); }),
+                material);
+  }
+
+  /// A body of one shape where any shape may stand.
+  template <class Other>
+  requires(!std::is_same_v<Other, Shape_> && std::is_constructible_v<Shape_, const Other&>)
+      Body(const Body<S, Other>& other)
+      : shape_(other.shape()),
+        shape_rotation_(other.shape_rotation()),
+        mass_(other.mass()),
+        inertia_(other.inertia()),
+        inverse_mass_(other.inverse_mass()),
+        inverse_inertia_(other.inverse_inertia()),
+        material_(other.material()),
+        bounding_radius_(other.bounding_radius()) {}
+
+  const Shape& shape() const { return shape_; }
+  /// Shape's axes to body frame.
+  const Quat<S>& shape_rotation() const { return shape_rotation_; }
+  const S& mass() const { return mass_; }                              ///< kg
+  const Vec3<S>& inertia() const { return inertia_; }                  ///< principal moments, kg m^2
+  const S& inverse_mass() const { return inverse_mass_; }              ///< 1/kg
+  const Vec3<S>& inverse_inertia() const { return inverse_inertia_; }  ///< 1/(kg m^2)
+  const Material<S>& material() const { return material_; }
+  const S& bounding_radius() const { return bounding_radius_; }  ///< m
+
+  /// The same body in another scalar; packs get it in every lane.
+  template <class T>
+  auto cast() const {
+    using Other = typename detail::CastShape<Shape, T>::type;
+    return Body<T, Other>(
+        detail::with_shape(shape_, [](const auto& s) { return Other(s.template cast<T>()); }), as<T>(mass_),
+        PrincipalInertia<T>{{as<T>(inertia_.x), as<T>(inertia_.y), as<T>(inertia_.z)},
+                            {as<T>(shape_rotation_.x), as<T>(shape_rotation_.y), as<T>(shape_rotation_.z),
+                             as<T>(shape_rotation_.w)}},
+        Material<T>{as<T>(material_.restitution), as<T>(material_.friction)});
+  }
+
+ private:
+  template <class, class>
+  friend class Body;
+
+  Body(const Shape& shape, const S& mass, const PrincipalInertia<S>& inertia, const Material<S>& material)
+      : shape_(shape),
+        shape_rotation_(inertia.axes.conjugate()),
+        mass_(mass),
+        inertia_(inertia.moments),
+        inverse_mass_(S(1) / mass),
+        inverse_inertia_(S(1) / inertia.moments.x, S(1) / inertia.moments.y, S(1) / inertia.moments.z),
+        material_(material),
+        bounding_radius_(detail::with_shape(shape, [](const auto& s) { return s.bounding_radius(); })) {
+    if constexpr (std::is_floating_point_v<S>) {  // packs and dual numbers are cast from bodies that were
+                                                  // checked
+      if (!(mass > S(0)) || !is_finite(mass)) detail::refuse("body, mass", "a positive number of kg", mass);
+      detail::with_shape(shape, [](const auto& s) { s.check("body"); });
+      check_moments(inertia.moments, "body");
+      detail::check_material(material, "body");
+    }
+  }
+
+  Shape shape_;
+  Quat<S> shape_rotation_;
+  S mass_;
+  Vec3<S> inertia_;
+  S inverse_mass_;
+  Vec3<S> inverse_inertia_;
+  Material<S> material_;
+  S bounding_radius_;
+};
+
+template <template <class> class Shape, class S>
+Body(const Shape<S>&, S, Material<S>) -> Body<S, Shape<S>>;
+template <template <class> class Shape, class S>
+Body(const Shape<S>&, S) -> Body<S, Shape<S>>;
+template <template <class> class Shape, class S>
+Body(const Shape<S>&, S, Vec3<S>) -> Body<S, Shape<S>>;
+template <template <class> class Shape, class S>
+Body(const Shape<S>&, S, Vec3<S>, Material<S>) -> Body<S, Shape<S>>;
+
+}  // namespace rbres

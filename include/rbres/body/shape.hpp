@@ -1,0 +1,138 @@
+#pragma once
+
+#include <numbers>
+#include <rbres/core/error.hpp>
+#include <rbres/core/vector.hpp>
+#include <variant>
+
+namespace rbres {
+
+/// A shape is centred at the body's centre of mass. Every shape gives: bounding_radius() (m), lever() (the
+/// largest speed at which a unit spin moves the surface along its normal, m), volume() (m^3),
+/// unit_inertia() (principal moments of a uniform solid over its mass, m^2), and frontal(v, factor): the
+/// factor times the area it turns towards a body-frame velocity v times |v| (m^3/s), from which the fluid's
+/// friction follows.
+
+/// A ball.
+template <class S>
+struct Sphere {
+  S radius;  ///< m
+
+  Sphere(const S& radius_) : radius(radius_) {}
+  S bounding_radius() const { return radius; }
+  S lever() const { return S(0); }
+  S volume() const { return as<S>(4.0 / 3.0 * std::numbers::pi) * radius * radius * radius; }
+  Vec3<S> unit_inertia() const {
+    const S i = as<S>(0.4) * radius * radius;
+    return {i, i, i};
+  }
+  S frontal(const Vec3<S>& v, const S& factor) const {
+    return (factor * as<S>(std::numbers::pi) * radius * radius) * norm(v);
+  }
+  template <class T>
+  Sphere<T> cast() const {
+    return {as<T>(radius)};
+  }
+  void check(const std::string& what) const {
+    if (!(radius > S(0)) || !is_finite(radius))
+      detail::refuse(what + ", sphere radius", "a positive length", radius);
+  }
+};
+
+/// A cuboid, axes along the body's.
+template <class S>
+struct Box {
+  Vec3<S> half;  ///< half extents, m
+
+  Box(const S& hx, const S& hy, const S& hz) : half(hx, hy, hz) {}
+  explicit Box(const Vec3<S>& half_extents) : half(half_extents) {}
+  S bounding_radius() const { return norm(half); }
+  S lever() const { return norm(half); }
+  S volume() const { return S(8) * half.x * half.y * half.z; }
+  Vec3<S> unit_inertia() const {
+    const S third = S(1) / S(3);
+    return {third * (square(half.y) + square(half.z)), third * (square(half.x) + square(half.z)),
+            third * (square(half.x) + square(half.y))};
+  }
+  S frontal(const Vec3<S>& v, const S& factor) const {
+    using std::abs;
+    return S(4) * factor *
+           (half.y * half.z * abs(v.x) + half.x * half.z * abs(v.y) + half.x * half.y * abs(v.z));
+  }
+  template <class T>
+  Box<T> cast() const {
+    return {as<T>(half.x), as<T>(half.y), as<T>(half.z)};
+  }
+  void check(const std::string& what) const {
+    for (const S& h : {half.x, half.y, half.z}) {
+      if (!(h > S(0)) || !is_finite(h)) detail::refuse(what + ", box half extent", "a positive length", h);
+    }
+  }
+};
+
+/// A cylinder along the body's z axis with half balls at its ends.
+template <class S>
+struct Capsule {
+  S radius;       ///< m
+  S half_length;  ///< of the cylinder, m; from its centre to the centre of either half ball
+
+  Capsule(const S& radius_, const S& half_length_) : radius(radius_), half_length(half_length_) {}
+  S bounding_radius() const { return radius + half_length; }
+  S lever() const { return half_length; }
+  S volume() const {
+    return as<S>(std::numbers::pi) * radius * radius * (S(2) * half_length + as<S>(4.0 / 3.0) * radius);
+  }
+  Vec3<S> unit_inertia() const {
+    const S r2 = square(radius), length = S(2) * half_length;
+    const S cylinder = length / (length + as<S>(4.0 / 3.0) * radius),
+            balls = S(1) - cylinder;  // shares of the mass
+    const S across = cylinder * (r2 / S(4) + square(length) / S(12)) +
+                     balls * (as<S>(0.4) * r2 + square(half_length) + S(0.75) * half_length * radius);
+    return {across, across, cylinder * r2 / S(2) + balls * as<S>(0.4) * r2};
+  }
+  S frontal(const Vec3<S>& v, const S& factor) const {
+    return (factor * as<S>(std::numbers::pi) * radius * radius) * norm(v) +
+           (factor * S(4) * radius * half_length) * norm(Vec3<S>{v.x, v.y, S(0)});
+  }
+  template <class T>
+  Capsule<T> cast() const {
+    return {as<T>(radius), as<T>(half_length)};
+  }
+  void check(const std::string& what) const {
+    if (!(radius > S(0)) || !is_finite(radius))
+      detail::refuse(what + ", capsule radius", "a positive length", radius);
+    if (!(half_length >= S(0)) || !is_finite(half_length)) {
+      detail::refuse(what + ", capsule half length", "a length of 0 or more", half_length);
+    }
+  }
+};
+
+/// Any of the shapes, chosen at run time.
+template <class S>
+using AnyShape = std::variant<Sphere<S>, Box<S>, Capsule<S>>;
+
+namespace detail {
+
+/// Calls f with the shape, whether its type is known when compiling or not.
+template <class Shape, class F>
+decltype(auto) with_shape(const Shape& shape, F&& f) {
+  return f(shape);
+}
+template <class... Shapes, class F>
+decltype(auto) with_shape(const std::variant<Shapes...>& shape, F&& f) {
+  return std::visit(f, shape);
+}
+
+template <class Shape, class T>
+struct CastShape;
+template <template <class> class Shape, class S, class T>
+struct CastShape<Shape<S>, T> {
+  using type = Shape<T>;
+};
+template <class S, class T>
+struct CastShape<std::variant<Sphere<S>, Box<S>, Capsule<S>>, T> {
+  using type = AnyShape<T>;
+};
+
+}  // namespace detail
+}  // namespace rbres

@@ -1,0 +1,100 @@
+#pragma once
+
+#include <rbres/body/body.hpp>
+#include <rbres/body/state.hpp>
+#include <vector>
+
+namespace rbres {
+
+/// A fixed half-space that bodies rest on and bounce off: the points p with dot(normal, p) < offset are
+/// solid.
+template <class S>
+struct Plane {
+  Vec3<S> normal{S(0), S(0), S(1)};  ///< unit vector out of the solid, world frame
+  S offset = S(0);                    ///< m
+  Material<S> material{};
+
+  template <class T>
+  Plane<T> cast() const {
+    return {{as<T>(normal.x), as<T>(normal.y), as<T>(normal.z)},
+            as<T>(offset),
+            {as<T>(material.restitution), as<T>(material.friction)}};
+  }
+};
+
+/// The floor z = 0.
+template <class S>
+Plane<S> floor_plane(const Material<S>& material = {}) {
+  return {{S(0), S(0), S(1)}, S(0), material};
+}
+
+/// The six inner faces of a room: |x|, |y| <= half_width, 0 <= z <= height (m).
+template <class S>
+std::vector<Plane<S>> room(S half_width, S height, const Material<S>& material = {}) {
+  const S o(0), i(1);
+  return {{{o, o, i}, o, material},           {{o, o, -i}, -height, material},
+          {{i, o, o}, -half_width, material}, {{-i, o, o}, -half_width, material},
+          {{o, i, o}, -half_width, material}, {{o, -i, o}, -half_width, material}};
+}
+
+/// N bodies and the planes around them: everything that does not change while they move. A System is read
+/// only; where the bodies are stands in a SystemState. Throws Error where a plane's normal is not a unit
+/// vector.
+template <class S, int N, class Shape_ = AnyShape<S>>
+class System {
+  static_assert(N >= 1, "a System has at least one body");
+
+ public:
+  using Scalar = S;
+  using Shape = Shape_;
+  using BodyType = Body<S, Shape>;
+  using State = SystemState<S, N>;
+  static constexpr int bodies = N;
+
+  System(const std::array<BodyType, N>& bodies, std::vector<Plane<S>> planes = {})
+      : bodies_(bodies), planes_(std::move(planes)) {
+    if constexpr (std::is_floating_point_v<S>) check_planes();
+  }
+  /// N times the same body.
+  static System of(const BodyType& every, std::vector<Plane<S>> planes = {}) {
+    return System(repeat(every, std::make_index_sequence<N>{}), std::move(planes));
+  }
+
+  const BodyType& operator[](int i) const { return bodies_[static_cast<std::size_t>(i)]; }
+  const std::vector<Plane<S>>& planes() const { return planes_; }
+
+  /// The same system in another scalar; packs get it in every lane.
+  template <class T>
+  auto cast() const {
+    std::vector<Plane<T>> planes;
+    for (const auto& plane : planes_) planes.push_back(plane.template cast<T>());
+    return cast_bodies<T>(std::move(planes), std::make_index_sequence<N>{});
+  }
+
+ private:
+  template <std::size_t... I>
+  static std::array<BodyType, N> repeat(const BodyType& every, std::index_sequence<I...>) {
+    return {((void)I, every)...};
+  }
+  template <class T, std::size_t... I>
+  auto cast_bodies(std::vector<Plane<T>> planes, std::index_sequence<I...>) const {
+    using Other = System<T, N, typename detail::CastShape<Shape, T>::type>;
+    return Other({bodies_[I].template cast<T>()...}, std::move(planes));
+  }
+  void check_planes() const {
+    for (std::size_t i = 0; i < planes_.size(); ++i) {
+      const auto& p = planes_[i];
+      const auto what = detail::text("plane ", i);
+      if (!(std::abs(norm(p.normal) - S(1)) < as<S>(1e-5))) {
+        detail::refuse(what + ", normal", "a unit vector", detail::text("one of length ", norm(p.normal)));
+      }
+      if (!is_finite(p.offset)) detail::refuse(what + ", offset", "a finite number", p.offset);
+      detail::check_material(p.material, what);
+    }
+  }
+
+  std::array<BodyType, N> bodies_;
+  std::vector<Plane<S>> planes_;
+};
+
+}  // namespace rbres

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <algorithm>
+#include <rbres/contact/broad_phase.hpp>
+#include <rbres/contact/detect.hpp>
+#include <rbres/contact/impulse.hpp>
+
+namespace rbres {
+namespace detail {
+
+/// The pair's combined material.
+template <class System>
+Surface<typename System::Scalar> surface_of(const System& system, int first, int second) {
+  const auto& b = system[second].material();
+  const auto& a =
+      first < 0 ? system.planes()[static_cast<std::size_t>(-1 - first)].material : system[first].material();
+  return {combined_restitution(a, b), combined_friction(a, b)};
+}
+
+/// Calls f(manifold, is_plane) with how the pair (as in Candidate) meets in this state.
+template <class System, class F>
+void with_manifold(const System& system, const typename System::State& y, int first, int second, const F& f) {
+  const auto pose = shape_pose(system[second], y[second]);
+  if (first < 0) {
+    f(detect(system.planes()[static_cast<std::size_t>(-1 - first)], system[second].shape(), pose),
+      std::true_type{});
+  } else {
+    f(detect(system[first].shape(), shape_pose(system[first], y[first]), system[second].shape(), pose),
+      std::false_type{});
+  }
+}
+
+/// A pair that may touch during a step: its manifold, and what its points do.
+template <class System>
+struct ContactPair {
+  using S = typename System::Scalar;
+  using BodyPair = PairManifold<S, typename System::Shape>;
+  using PlanePair = PlaneManifold<S, typename System::Shape>;
+  static constexpr std::size_t points = std::max(BodyPair::points, PlanePair::points);
+  static constexpr bool central = BodyPair::central && PlanePair::central;
+  using Motions = std::array<Motion<S>, System::bodies>;
+
+  Candidate who;
+  Manifold<S, int(points), central> manifold;
+  std::array<S, points> speed;  ///< at which each point's gap opens, m/s
+  std::array<MaskOf<S>, points> touching, held;
+  MaskOf<S> any_held;
+  Surface<S> surface;
+  S size;        ///< the smaller bounding radius, m
+  S touch;       ///< points closer than this touch, m
+  S near;        ///< slow points closer than this are held, m
+  S rest_speed;  ///< slower impacts do not bounce, m/s
+  S still;       ///< points that open slower than this do not part, m/s
+
+  bool plane() const { return who.first < 0; }
+  /// A plane's points are corners, always the same; where two bodies touch moves with their manifold.
+  bool fixed_points() const { return plane() || points == 1; }
+  Motion<S>& first(Motions& m) const { return m[static_cast<std::size_t>(plane() ? 0 : who.first)]; }
+  Motion<S>& second(Motions& m) const { return m[static_cast<std::size_t>(who.second)]; }
+
+  void set_geometry(const System& system, const typename System::State& y) {
+    with_manifold(system, y, who.first, who.second, [&](const auto& m, auto) {
+      manifold.normal = m.normal;
+      manifold.separation = m.separation;
+      for (std::size_t i = 0; i < points; ++i) {
+        manifold.gap[i] = i < m.points ? m.gap[i] : S(m.none);
+        if (i < m.points) manifold.point[i] = m.point[i];
+      }
+    });
+  }
+  /// Speed at which the gap at one point opens, m/s.
+  S opening(std::size_t i, const Motions& motion) const {
+    const auto at = [&](int body) {
+      const Motion<S>& m = motion[static_cast<std::size_t>(body)];
+      return m.velocity + cross(m.angular_velocity, manifold.point[i] - m.position);
+    };
+    Vec3<S> v = at(who.second);
+    if (!plane()) v -= at(who.first);
+    return dot(manifold.normal, v);
+  }
+};
+
+}  // namespace detail
+}  // namespace rbres

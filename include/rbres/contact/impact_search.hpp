@@ -1,0 +1,99 @@
+#pragma once
+
+#include <rbres/contact/contact_pair.hpp>
+#include <rbres/contact/time_of_impact.hpp>
+
+namespace rbres::detail {
+
+/// No point of the pair's surfaces approaches faster than this between the two states, m/s.
+template <class System>
+typename System::Scalar speed_bound(const System& system, const Candidate& who,
+                                    const typename System::State& start, const typename System::State& end) {
+  using S = typename System::Scalar;
+  const auto lever = [&](int i) {
+    return with_shape(system[i].shape(), [](const auto& s) { return s.lever(); });
+  };
+  const auto bound = [&](const typename System::State& y) {
+    Vec3<S> v = y[who.second].velocity;
+    S spin = lever(who.second) * norm(y[who.second].angular_velocity);
+    if (who.first >= 0) {
+      v -= y[who.first].velocity;
+      spin += lever(who.first) * norm(y[who.first].angular_velocity);
+    }
+    return S(norm(v) + spin);
+  };
+  return maximum(bound(start), bound(end)) + as<S>(1e-6);
+}
+
+/// When a pair meets between `start` and `end`, `part` seconds later, at a point that is not held; `part`
+/// where it does not. `pair` knows the start; `end_motion` is that of `end`.
+template <class System>
+typename System::Scalar impact_time(const System& system, const ContactPair<System>& pair,
+                                    const typename System::State& start, const typename System::State& end,
+                                    const typename ContactPair<System>::Motions& end_motion,
+                                    const typename System::Scalar& part) {
+  using S = typename System::Scalar;
+  using Pair = ContactPair<System>;
+  constexpr std::size_t P = Pair::points;
+  const S none(Pair::PlanePair::none);
+  const MaskOf<S> open = part > S(0);
+  std::array<MaskOf<S>, P> counts;  // points that may start a contact
+  MaskOf<S> counted(false);
+  for (std::size_t i = 0; i < P; ++i) {
+    const MaskOf<S> held = pair.fixed_points() ? pair.held[i] : MaskOf<S>(false);
+    counts[i] = open & !held;
+    counted = counted | counts[i];
+  }
+  if (!any(counted)) return part;
+
+  // A point that overlaps and leaves comes back when it is as deep again. Where two bodies hold one another,
+  // their points cannot be told apart: there a new one shows by a depth that held ones never reach.
+  const S allowance = pair.fixed_points() ? S(0) : select(pair.any_held, pair.near, S(0));
+  const auto lowest = [&](const Pair& p) {
+    if (!pair.fixed_points())
+      return S(p.manifold.separation - minimum(pair.manifold.separation, S(0)) + allowance);
+    S least = none;
+    for (std::size_t i = 0; i < P; ++i) {
+      const S gap = p.manifold.gap[i] - minimum(pair.manifold.gap[i], S(0));
+      least = minimum(least, select(counts[i], gap, none));
+    }
+    return least;
+  };
+
+  Pair after = pair;
+  after.set_geometry(system, end);
+  Approach<S> approach{part, lowest(pair), lowest(after), speed_bound(system, pair.who, start, end),
+                       part, pair.touch,   pair.size};
+  MaskOf<S> dips(!pair.fixed_points());
+  for (std::size_t i = 0; i < P; ++i) {
+    if (!any(counts[i])) continue;
+    const S later = after.opening(i, end_motion);
+    const MaskOf<S> came = pair.speed[i]<S(0), leaves = later> S(0);
+    dips = dips | (counts[i] & came & leaves);
+    // A point that has just left is apart when gravity has turned it round, if that comes soon.
+    const MaskOf<S> touched = pair.touching[i], shared = pair.any_held & !MaskOf<S>(pair.fixed_points());
+    const MaskOf<S> leaving = counts[i] & touched & !shared;
+    const S lost = maximum(S(pair.speed[i] - later), S(Constants<S>::tiny));
+    const S turn = part * clamp(S(pair.speed[i] / lost), as<S>(1e-3), S(1));
+    approach.first_look = select(leaving, minimum(approach.first_look, turn), approach.first_look);
+  }
+  const MaskOf<S> ends_below = approach.gap_end < S(0);
+  const MaskOf<S> near = approach.gap_start + approach.gap_end < approach.speed_bound * part;
+  const MaskOf<S> search = counted & (ends_below | (dips & near));
+  if (!any(search)) return part;
+
+  Pair probe = pair;
+  typename System::State at = start;
+  MaskOf<S> found(false);
+  const auto gap = [&](const S& when) {
+    for (const int i : {pair.who.first, pair.who.second}) {
+      if (i >= 0) at[i] = interpolate(start[i], end[i], part, when);
+    }
+    probe.set_geometry(system, at);
+    return lowest(probe);
+  };
+  const S time = time_of_impact(approach, search, gap, found);
+  return select(found, time, part);
+}
+
+}  // namespace rbres::detail

@@ -1,0 +1,299 @@
+#pragma once
+
+#include <memory>
+#include <rbres/contact/manifold.hpp>
+
+namespace rbres {
+
+/// A body as impulses see it.
+template <class S>
+struct Motion {
+  Vec3<S> position;          ///< centre of mass, world frame, m
+  Vec3<S> velocity;          ///< world frame, m/s
+  Vec3<S> angular_velocity;  ///< world frame, rad/s
+  S inverse_mass;            ///< 1/kg
+  Mat3<S> inverse_inertia;   ///< world frame, 1/(kg m^2)
+};
+
+template <class S, class Shape>
+Motion<S> motion_of(const Body<S, Shape>& body, const RigidState<S>& state) {
+  const Mat3<S> axes = rotation_matrix(state.orientation);
+  return {state.position, state.velocity, axes * state.angular_velocity, body.inverse_mass(),
+          rotated_diagonal(axes, body.inverse_inertia())};
+}
+/// Writes the velocities back.
+template <class S>
+void set_velocities(RigidState<S>& state, const Motion<S>& motion) {
+  state.velocity = motion.velocity;
+  state.angular_velocity = rotate_back(state.orientation, motion.angular_velocity);
+}
+
+/// One point of contact between two bodies, or between a plane (first) and a body: its three directions, what
+/// a unit impulse along each does, and the impulse so far. Velocities are v_r = v_2 + w_2 x r_2 - v_1 - w_1 x
+/// r_1 (the paper's equation 5), impulses +p on the second body and -p on the first. `Central` as in
+/// Manifold.
+template <class S, bool Fixed, bool Central = false>
+class ContactPoint {
+  static constexpr std::size_t first_arm = Central ? 1 : 0;  ///< of the directions that turn a body
+
+ public:
+  ContactPoint() = default;
+
+  /// `first` is not read where it is a plane.
+  ContactPoint(const Vec3<S>& normal, const Vec3<S>& point, const Motion<S>& first, const Motion<S>& second)
+      : direction_(frame(normal)), second_(lever(point, second)) {
+    if constexpr (!Fixed) first_ = lever(point, first);
+    normal_response_ = response(0, 0, first, second);
+    normal_mass_ = inverse(normal_response_);
+    const S uu = response(1, 1, first, second), vv = response(2, 2, first, second),
+            uv = response(1, 2, first, second);
+    const S over_determinant = inverse(S(uu * vv - uv * uv));
+    mass_uu_ = vv * over_determinant;
+    mass_vv_ = uu * over_determinant;
+    mass_uv_ = -uv * over_determinant;
+    tangent_response_ = S(0.5) * (uu + vv) +
+                        positive_root(S(square(S(S(0.5) * (uu - vv))) + square(uv) + S(Constants<S>::tiny)));
+    slip_mass_ = inverse(tangent_response_);
+  }
+
+  /// Velocity of the second surface relative to the first along direction d: 0 the normal, 1 and 2 the
+  /// tangents, m/s.
+  S velocity(std::size_t d, const Motion<S>& first, const Motion<S>& second) const {
+    S v = dot(direction_[d], second.velocity);
+    if constexpr (!Fixed) v -= dot(direction_[d], first.velocity);
+    if (d < first_arm) return v;
+    v += dot(second_.arm[d], second.angular_velocity);
+    if constexpr (!Fixed) v -= dot(first_.arm[d], first.angular_velocity);
+    return v;
+  }
+
+  /// Brings the point along its normal towards the speed `target`, the others held, or no impulse where it
+  /// leaves faster. Only where `active`. Returns how far the speed was off (m/s).
+  S relax_normal(const S& target, const MaskOf<S>& active, Motion<S>& first, Motion<S>& second) {
+    using std::abs;
+    const S fault = target - velocity(0, first, second);
+    const S pushed = select(active, maximum(S(impulse_[0] + normal_mass_ * fault), S(0)), impulse_[0]);
+    const S change = pushed - impulse_[0];
+    impulse_[0] = pushed;
+    push(0, change, first, second);
+    return normal_response_ * abs(change);
+  }
+
+  /// Brings the point towards its law, the others held: along the normal towards the speed `target`, or no
+  /// impulse where it leaves faster; along the surface towards sticking where friction times the normal
+  /// impulse suffices, else towards that much against the slip (the paper's equations 6 to 8, with the
+  /// impulse's sign such that bodies part). Only where `active`. Returns how far the velocity was off (m/s).
+  S relax(const S& target, const S& friction, const MaskOf<S>& active, Motion<S>& first, Motion<S>& second) {
+    using std::abs;
+    const S off = relax_normal(target, active, first, second);
+    const S& pushed = impulse_[0];
+
+    const S u = velocity(1, first, second), v = velocity(2, first, second);
+    const S stick_u = impulse_[1] - (mass_uu_ * u + mass_uv_ * v),
+            stick_v = impulse_[2] - (mass_uv_ * u + mass_vv_ * v);
+    const S most = friction * pushed;
+    const MaskOf<S> slides = square(stick_u) + square(stick_v) > square(most);
+    // Against the slip itself: the sticking impulse of a corner points elsewhere.
+    const S slip_u = impulse_[1] - slip_mass_ * u, slip_v = impulse_[2] - slip_mass_ * v;
+    const S length2 = square(slip_u) + square(slip_v);
+    const MaskOf<S> beyond = length2 > square(most);
+    const S share = select(beyond, S(most * inverse_root(select(beyond, length2, S(1)))), S(1));
+    const S pu = select(active, select(slides, S(share * slip_u), stick_u), impulse_[1]);
+    const S pv = select(active, select(slides, S(share * slip_v), stick_v), impulse_[2]);
+    const S change_u = pu - impulse_[1], change_v = pv - impulse_[2];
+    push(1, change_u, first, second);
+    push(2, change_v, first, second);
+    impulse_[1] = pu;
+    impulse_[2] = pv;
+    return maximum(off, S(tangent_response_ * (abs(change_u) + abs(change_v))));
+  }
+
+  /// Begins with an impulse that is guessed (N s).
+  void start(const std::array<S, 3>& impulse, Motion<S>& first, Motion<S>& second) {
+    impulse_ = impulse;
+    for (std::size_t d = 0; d < 3; ++d) push(d, impulse[d], first, second);
+  }
+  /// Impulse along the normal and the two tangents, N s.
+  const std::array<S, 3>& impulse() const { return impulse_; }
+
+ private:
+  /// How impulses along the directions turn a body: r x d, and the change of its angular velocity.
+  struct Lever {
+    std::array<Vec3<S>, 3> arm, spin;
+  };
+  Lever lever(const Vec3<S>& point, const Motion<S>& body) const {
+    const auto arm = [&](std::size_t d) {
+      return d < first_arm ? Vec3<S>{} : cross(point - body.position, direction_[d]);
+    };
+    const Vec3<S> n = arm(0), u = arm(1), v = arm(2);
+    return {{n, u, v}, {body.inverse_inertia * n, body.inverse_inertia * u, body.inverse_inertia * v}};
+  }
+  /// The normal and two tangents, without a branch on the normal's direction (Duff et al. 2017).
+  static std::array<Vec3<S>, 3> frame(const Vec3<S>& normal) {
+    const S sign = select(normal.z < S(0), S(-1), S(1));
+    const S a = -inverse(S(sign + normal.z)), b = normal.x * normal.y * a;
+    return {normal,
+            {S(1) + sign * normal.x * normal.x * a, sign * b, -sign * normal.x},
+            {b, sign + normal.y * normal.y * a, -normal.y}};
+  }
+
+  S response(std::size_t d, std::size_t e, const Motion<S>& first, const Motion<S>& second) const {
+    S k(0);
+    if (d == e) {
+      k = second.inverse_mass;
+      if constexpr (!Fixed) k += first.inverse_mass;
+    }
+    if (d < first_arm) return k;
+    k += dot(second_.arm[d], second_.spin[e]);
+    if constexpr (!Fixed) k += dot(first_.arm[d], first_.spin[e]);
+    return k;
+  }
+  /// An impulse along direction d, N s.
+  void push(std::size_t d, const S& p, Motion<S>& first, Motion<S>& second) const {
+    second.velocity += (second.inverse_mass * p) * direction_[d];
+    if constexpr (!Fixed) first.velocity -= (first.inverse_mass * p) * direction_[d];
+    if (d < first_arm) return;
+    second.angular_velocity += p * second_.spin[d];
+    if constexpr (!Fixed) first.angular_velocity -= p * first_.spin[d];
+  }
+
+  std::array<Vec3<S>, 3> direction_;
+  Lever second_;
+  std::conditional_t<Fixed, std::monostate, Lever> first_;
+  S normal_response_, normal_mass_, mass_uu_, mass_uv_, mass_vv_, tangent_response_, slip_mass_;
+  std::array<S, 3> impulse_{S(0), S(0), S(0)};
+};
+
+namespace detail {
+/// Room for a T that is written before it is read: filling a box's contact points with zeros takes longer
+/// than many a contact.
+template <class T>
+union Unset {
+  T value;
+  Unset() {}
+};
+}  // namespace detail
+
+/// What two surfaces agree on.
+template <class S>
+struct Surface {
+  S restitution, friction;
+};
+
+/// Resolves the impact of one pair: all its points at once, each leaving with restitution times the speed it
+/// came with (plastic below `rest_speed`), friction by Coulomb's law. Points take part where `touching` holds
+/// and they do not part; nothing happens in lanes where none approaches faster than `least_speed`. Returns
+/// where an impact happened.
+///
+/// The law is dissipative without friction, and with friction where normal and tangent do not mix. Where they
+/// do (boxes), Newton's restitution together with Coulomb's friction may create energy (Kane and Levinson
+/// 1985): there the impulse is drawn back towards the frictionless one, which keeps the restitution and the
+/// cone, until energy does not rise.
+template <bool Fixed, class S, int P, bool Central>
+MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
+                         const std::type_identity_t<std::array<MaskOf<S>, P>>& touching,
+                         const Surface<S>& surface, const S& rest_speed, const S& least_speed,
+                         Motion<S>& first, Motion<S>& second) {
+  using std::abs;
+  constexpr int sweeps = Central ? 1 : 200;
+  std::array<detail::Unset<ContactPoint<S, Fixed, Central>>, P> points;
+  const auto point = [&](std::size_t i) -> auto& { return points[i].value; };
+  const auto make = [&](std::size_t i) {
+    std::construct_at(&point(i), manifold.normal, manifold.point[i], first, second);
+  };
+  std::array<S, P> target, before[3];
+  std::array<MaskOf<S>, P> active;
+  MaskOf<S> hit(false);
+  S fastest(0);
+  for (std::size_t i = 0; i < P; ++i) {
+    active[i] = touching[i];
+    target[i] = S(0);
+    if (!any(touching[i])) continue;
+    make(i);
+    for (std::size_t d = 0; d < 3; ++d) before[d][i] = point(i).velocity(d, first, second);
+    const S& speed = before[0][i];
+    active[i] = touching[i] & (speed <= S(0));
+    target[i] = select(speed < -rest_speed, S(-surface.restitution * speed), S(0));
+    hit = hit | (active[i] & (speed < -least_speed));
+    for (std::size_t d = 0; d < 3; ++d)
+      fastest = maximum(fastest, select(active[i], S(abs(before[d][i])), S(0)));
+  }
+  if (!any(hit)) return hit;
+
+  const auto solve = [&](const S& friction) {
+    MaskOf<S> working = hit;
+    const S enough = S(8) * S(Constants<S>::epsilon) * fastest;
+    for (int sweep = 0; sweep < sweeps; ++sweep) {
+      S worst(0);
+      for (std::size_t i = 0; i < P; ++i) {
+        if (!any(active[i])) continue;
+        worst = maximum(worst, point(i).relax(target[i], friction, active[i] & working, first, second));
+      }
+      working = working & (worst > enough);
+      if (!any(working)) break;
+    }
+  };
+  if constexpr (Central) {
+    solve(surface.friction);
+  } else {
+    const Motion<S> first_before = first, second_before = second;
+    // Work of the impulses: impulse times the mean of the velocities before and after.
+    const auto work = [&](auto&& term) {
+      S sum(0);
+      for (std::size_t i = 0; i < P; ++i) {
+        if (!any(active[i])) continue;
+        for (std::size_t d = 0; d < 3; ++d) {
+          sum += select(active[i] & hit, S(term(i, d)), S(0));
+        }
+      }
+      return sum;
+    };
+    solve(surface.friction);
+    std::array<std::array<S, 3>, P> rubbed, rubbed_after;
+    for (std::size_t i = 0; i < P; ++i) {
+      if (!any(active[i])) continue;
+      rubbed[i] = point(i).impulse();
+      for (std::size_t d = 0; d < 3; ++d) rubbed_after[i][d] = point(i).velocity(d, first, second);
+    }
+    const S gained = work([&](std::size_t i, std::size_t d) {
+      return S(0.5) * rubbed[i][d] * (before[d][i] + rubbed_after[i][d]);
+    });
+    const MaskOf<S> created = gained > S(0);
+    if (any(created)) {
+      const Motion<S> first_rubbed = first, second_rubbed = second;
+      first = first_before;
+      second = second_before;
+      for (std::size_t i = 0; i < P; ++i) {
+        if (any(active[i])) make(i);
+      }
+      solve(S(0));
+      // Energy along the way from the frictionless solution (s = 0) to the other (s = 1): a + b s + c s^2.
+      std::array<std::array<S, 3>, P> plain_after;
+      for (std::size_t i = 0; i < P; ++i) {
+        if (!any(active[i])) continue;
+        for (std::size_t d = 0; d < 3; ++d) plain_after[i][d] = point(i).velocity(d, first, second);
+      }
+      const S a = work([&](std::size_t i, std::size_t d) {
+        return S(0.5) * point(i).impulse()[d] * (before[d][i] + plain_after[i][d]);
+      });
+      const S c = work([&](std::size_t i, std::size_t d) {
+        return S(0.5) * (rubbed[i][d] - point(i).impulse()[d]) * (rubbed_after[i][d] - plain_after[i][d]);
+      });
+      const S b = gained - a - c;
+      const S sum = b + root(maximum(S(b * b - S(4) * a * c), S(0)));
+      const S s = select(sum > S(0), clamp(S(S(-2) * a / select(sum > S(0), sum, S(1))), S(0), S(1)), S(0));
+      const auto blend = [&](Motion<S>& plain, const Motion<S>& rubbed_motion) {
+        const S share = select(created, s, S(1));
+        plain.velocity += share * (rubbed_motion.velocity - plain.velocity);
+        plain.angular_velocity += share * (rubbed_motion.angular_velocity - plain.angular_velocity);
+        plain.velocity = select(created, plain.velocity, rubbed_motion.velocity);
+        plain.angular_velocity = select(created, plain.angular_velocity, rubbed_motion.angular_velocity);
+      };
+      blend(first, first_rubbed);
+      blend(second, second_rubbed);
+    }
+  }
+  return hit;
+}
+
+}  // namespace rbres

@@ -1,0 +1,156 @@
+#pragma once
+
+#include <rbres/body/system.hpp>
+#include <tuple>
+
+namespace rbres {
+
+/// A force model gives the wrench on one body. It is any callable with one of these forms, a user's lambda
+/// included:
+///   (body, state)                 the body and its own state
+///   (body, state, index, time)    and which body it is, and when (s)
+///   (system, states, index, time) the whole system: forces between bodies; not with `auto` for the system,
+///                                 which would pass for a body
+/// Compose with Forces{Gravity{}, FluidFriction{}, ...}; nothing is decided at run time.
+
+/// Uniform gravity: F = m g.
+template <class T = double>
+struct Gravity {
+  Vec3<T> g{T(0), T(0), T(-9.81)};  ///< world frame, m/s^2
+
+  template <class S, class Shape>
+  [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>&) const {
+    return {body.mass() * Vec3<S>{as<S>(g.x), as<S>(g.y), as<S>(g.z)}, {}};
+  }
+};
+template <class T>
+Gravity(Vec3<T>) -> Gravity<T>;
+Gravity()->Gravity<double>;
+
+/// Quadratic friction of a fluid at rest (the paper's equation 10): F = -1/2 rho C_d A |v| v, A the area that
+/// the shape turns towards v; and its rotational counterpart tau = -1/2 rho C_r pi R^5 |omega| omega, R the
+/// bounding radius.
+template <class T = double>
+struct FluidFriction {
+  T density = T(1.2);           ///< of the fluid, kg/m^3
+  T drag = T(0.47);             ///< C_d
+  T rotational_drag = T(0.01);  ///< C_r
+
+  template <class S, class Shape>
+  [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>& state) const {
+    const S factor = as<S>(T(-0.5) * density * drag);
+    const S resistance = detail::with_shape(body.shape(), [&](const auto& shape) {
+      using Held = std::decay_t<decltype(shape)>;
+      if constexpr (std::is_same_v<Held, Sphere<S>>) {
+        return shape.frontal(state.velocity, factor);  // the same from every side
+      } else {
+        return shape.frontal(
+            rotate(body.shape_rotation().conjugate(), rotate_back(state.orientation, state.velocity)),
+            factor);
+      }
+    });
+    Wrench<S> wrench{resistance * state.velocity, {}};
+    if (rotational_drag != T(0)) {
+      const S r = body.bounding_radius();
+      const S spin = as<S>(T(-0.5 * std::numbers::pi) * density * rotational_drag) * (r * r * r * r * r);
+      wrench.torque = (spin * norm(state.angular_velocity)) * state.angular_velocity;
+    }
+    return wrench;
+  }
+};
+template <class T>
+FluidFriction(T, T, T) -> FluidFriction<T>;
+FluidFriction()->FluidFriction<double>;
+
+/// Linear damping (the paper's equation 12): without other forces, v and omega decay as exp(-rate t).
+template <class T = double>
+struct Damping {
+  T linear = T(0);   ///< 1/s
+  T angular = T(0);  ///< 1/s
+
+  template <class S, class Shape>
+  [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>& state) const {
+    return {-(as<S>(linear) * body.mass()) * state.velocity,
+            -as<S>(angular) * scale(body.inertia(), state.angular_velocity)};
+  }
+};
+template <class T>
+Damping(T, T) -> Damping<T>;
+
+/// A wrench of its own on each body, the same at all times.
+template <class S, int N>
+struct ConstantWrench {
+  std::array<Wrench<S>, N> wrench{};
+
+  template <class Shape>
+  [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>&, const RigidState<S>&, int index,
+                                              const S&) const {
+    return wrench[static_cast<std::size_t>(index)];
+  }
+};
+
+/// The sum of several force models.
+template <class... Models>
+struct Forces {
+  std::tuple<Models...> models;
+
+  Forces(const Models&... m) : models(m...) {}
+};
+
+namespace detail {
+
+template <class Model, class S, class Shape>
+inline constexpr bool is_local =
+    std::is_invocable_v<const Model&, const Body<S, Shape>&, const RigidState<S>&> ||
+    std::is_invocable_v<const Model&, const Body<S, Shape>&, const RigidState<S>&, int, S>;
+template <class... Models, class S, class Shape>
+inline constexpr bool is_local<Forces<Models...>, S, Shape> = (is_local<Models, S, Shape> && ...);
+
+/// The wrench of a model that looks at one body only.
+template <class Model, class S, class Shape>
+[[gnu::always_inline]] inline Wrench<S> local_wrench(const Model& model, const Body<S, Shape>& body,
+                                                     const RigidState<S>& state, int i, const S& t) {
+  if constexpr (std::is_invocable_v<const Model&, const Body<S, Shape>&, const RigidState<S>&>) {
+    return model(body, state);
+  } else {
+    return model(body, state, i, t);
+  }
+}
+template <class... Models, class S, class Shape>
+[[gnu::always_inline]] inline Wrench<S> local_wrench(const Forces<Models...>& forces,
+                                                     const Body<S, Shape>& body, const RigidState<S>& state,
+                                                     int i, const S& t) {
+  return std::apply(
+      [&](const auto&... m)
+          __attribute__((always_inline)) { return (local_wrench(m, body, state, i, t) + ...); },
+      forces.models);
+}
+
+/// The wrench of any model.
+template <class Model, class System>
+Wrench<typename System::Scalar> wrench_on(const Model& model, const System& system,
+                                          const typename System::State& states, int i,
+                                          const typename System::Scalar& t) {
+  if constexpr (is_local<Model, typename System::Scalar, typename System::Shape>) {
+    return local_wrench(model, system[i], states[i], i, t);
+  } else {
+    static_assert(std::is_invocable_v<const Model&, const System&, const typename System::State&, int,
+                                      const typename System::Scalar&>,
+                  "a force model is callable as (body, state), (body, state, index, time) or (system, "
+                  "states, index, time)");
+    return model(system, states, i, t);
+  }
+}
+template <class... Models, class System>
+Wrench<typename System::Scalar> wrench_on(const Forces<Models...>& forces, const System& system,
+                                          const typename System::State& states, int i,
+                                          const typename System::Scalar& t) {
+  return std::apply(
+      [&](const auto&... m) {
+        return (Wrench<typename System::Scalar>{} + ... + wrench_on(m, system, states, i, t));
+      },
+      forces.models);
+}
+
+}  // namespace detail
+}  // namespace rbres

@@ -1,0 +1,99 @@
+#pragma once
+
+#include <rbres/dynamics/equations.hpp>
+
+namespace rbres {
+
+/// Time derivative of a whole system's state.
+template <class S, int N>
+struct SystemRate {
+  std::array<RigidRate<S>, N> body;
+};
+
+template <class S, int N>
+SystemState<S, N> advanced(const SystemState<S, N>& y, const S& h, const SystemRate<S, N>& k) {
+  SystemState<S, N> out;
+  for (std::size_t i = 0; i < N; ++i) out.body[i] = advanced(y.body[i], h, k.body[i]);
+  return out;
+}
+
+/// An integrator takes a state over a step: advance(rate, y, t, h) with rate(t, y) the time derivative, t (s)
+/// the time at the start and h (s) the step. States are RigidState (one body, where no force couples bodies)
+/// or SystemState. `order` is that of the global error. The quaternion is normalised once, at the end of the
+/// step: the exact flow keeps its length, so this changes nothing up to the method's order.
+
+namespace detail {
+
+template <class S>
+[[gnu::always_inline]] inline void normalize(RigidState<S>& y) {
+  y.orientation = normalized(y.orientation);
+}
+template <class S, int N>
+void normalize(SystemState<S, N>& y) {
+  for (auto& body : y.body) normalize(body);
+}
+
+template <class S>
+RigidState<S> semi_implicit(RigidState<S> y, const S& h, RigidRate<S> k) {
+  y.velocity += h * k.acceleration;
+  y.angular_velocity += h * k.angular;
+  set_kinematics(k, y);
+  k.acceleration = k.angular = {};
+  return advanced(y, h, k);
+}
+template <class S, int N>
+SystemState<S, N> semi_implicit(const SystemState<S, N>& y, const S& h, const SystemRate<S, N>& k) {
+  SystemState<S, N> out;
+  for (std::size_t i = 0; i < N; ++i) out.body[i] = semi_implicit(y.body[i], h, k.body[i]);
+  return out;
+}
+
+}  // namespace detail
+
+/// y1 = y0 + h f(t0, y0).
+struct ExplicitEuler {
+  static constexpr int order = 1;
+
+  template <class Rate, class State, class S>
+  [[gnu::always_inline]] State advance(const Rate& rate, const State& y, const S& t, const S& h) const {
+    State out = advanced(y, h, rate(t, y));
+    detail::normalize(out);
+    return out;
+  }
+};
+
+/// Velocities first, then positions with the new velocities (symplectic for forces that depend on position
+/// alone).
+struct SemiImplicitEuler {
+  static constexpr int order = 1;
+
+  template <class Rate, class State, class S>
+  [[gnu::always_inline]] State advance(const Rate& rate, const State& y, const S& t, const S& h) const {
+    State out = detail::semi_implicit(y, h, rate(t, y));
+    detail::normalize(out);
+    return out;
+  }
+};
+
+/// The classical Runge-Kutta method (Kutta 1901).
+struct Rk4 {
+  static constexpr int order = 4;
+
+  template <class Rate, class State, class S>
+  [[gnu::always_inline]] State advance(const Rate& rate, const State& y, const S& t, const S& h) const {
+    const S half = as<S>(0.5) * h, sixth = h / as<S>(6.0), third = h / as<S>(3.0);
+    // Each slope goes into the running sum at once, so that four of them are never kept.
+    auto k = rate(t, y);
+    State sum = advanced(y, sixth, k);
+    k = rate(S(t + half), advanced(y, half, k));
+    sum = advanced(sum, third, k);
+    k = rate(S(t + half), advanced(y, half, k));
+    sum = advanced(sum, third, k);
+    k = rate(S(t + h), advanced(y, h, k));
+    sum = advanced(sum, sixth, k);
+    detail::normalize(sum);
+    return sum;
+  }
+};
+
+}  // namespace rbres

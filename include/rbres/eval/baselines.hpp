@@ -1,0 +1,112 @@
+#pragma once
+
+#include <chrono>
+#include <rbres/eval/metrics.hpp>
+
+namespace rbres {
+
+/// What a learned predictor is held against. Each is callable as (state, wrench, present) and gives the state
+/// `horizon` seconds later.
+
+/// Every body keeps its velocities.
+struct ConstantVelocity {
+  double horizon;  ///< s
+
+  SystemState<double, 5> operator()(SystemState<double, 5> y, const std::array<Wrench<double>, 5>&,
+                                    int present) const {
+    for (int b = 0; b < present; ++b) {
+      const Vec3<double> turn = horizon * y[b].angular_velocity;
+      const double angle = norm(turn);
+      const double s = angle > 1e-12 ? std::sin(0.5 * angle) / angle : 0.5;
+      y[b].position += horizon * y[b].velocity;
+      y[b].orientation = normalized(y[b].orientation *
+                                    Quat<double>{s * turn.x, s * turn.y, s * turn.z, std::cos(0.5 * angle)});
+    }
+    return y;
+  }
+};
+
+/// The flow without contacts.
+struct ContactFree {
+  FreeFlow<ScenarioData::bodies> flow;
+  double horizon;  ///< s
+
+  SystemState<double, 5> operator()(const SystemState<double, 5>& y,
+                                    const std::array<Wrench<double>, 5>& wrench, int present) const {
+    SystemState<double, 5> next = flow(y, wrench, horizon);
+    for (int b = present; b < 5; ++b) next[b] = y[b];
+    return next;
+  }
+};
+
+/// The paper's baseline: RK4 with contacts checked at the end of each step, or the continuous simulation.
+template <BodySet Set>
+struct Simulated {
+  World world;
+  SimulationOptions options;  ///< options.duration is the horizon
+
+  SystemState<double, 5> operator()(const SystemState<double, 5>& y,
+                                    const std::array<Wrench<double>, 5>& wrench, int present) const {
+    return present == 3 ? run<3>(y, wrench) : present == 4 ? run<4>(y, wrench) : run<5>(y, wrench);
+  }
+
+ private:
+  template <int N>
+  SystemState<double, 5> run(SystemState<double, 5> y, const std::array<Wrench<double>, 5>& wrench) const {
+    const auto system = scenario_system<Set, N>(world);
+    SystemState<double, N> part;
+    ConstantWrench<double, N> own;
+    std::copy_n(y.body.begin(), N, part.body.begin());
+    std::copy_n(wrench.begin(), N, own.wrench.begin());
+    simulate(system, part, scenario_forces<Set>(own), Rk4{}, options);
+    std::copy_n(part.body.begin(), N, y.body.begin());
+    return y;
+  }
+};
+
+/// The contact-free flow of a set's bodies.
+template <BodySet Set>
+FreeFlow<ScenarioData::bodies> free_flow() {
+  const Body<double> body = scenario_body<Set>();
+  FreeFlow<ScenarioData::bodies> flow{System<double, ScenarioData::bodies>::of(body)};
+  std::tie(flow.gravity, flow.friction, flow.damping) = scenario_forces<Set>().models;
+  return flow;
+}
+
+/// Predictions for scenarios first ... first + count - 1 of the data (65 x count), over all threads.
+template <class Predict>
+Eigen::MatrixXd predict_all(const ScenarioData& data, Eigen::Index first, Eigen::Index count,
+                            const Predict& predict) {
+  Eigen::MatrixXd out(65, count);
+  constexpr Eigen::Index block = 32;
+  parallel_for((count + block - 1) / block, 0, [&](std::ptrdiff_t b) {
+    for (Eigen::Index c = b * block; c < std::min(count, (b + 1) * block); ++c) {
+      const int present = data.body_count[static_cast<std::size_t>(first + c)];
+      out.col(c) =
+          predict(state_of(data.initial, first + c, present), wrench_of(data, first + c), present).vector();
+    }
+  });
+  return out;
+}
+
+/// Microseconds per scenario on one thread: the median over some rounds of `count` predictions each.
+template <class Predict>
+double microseconds(const ScenarioData& data, Eigen::Index first, Eigen::Index count,
+                    const Predict& predict) {
+  std::vector<double> rounds;
+  double sink = 0;
+  for (int round = 0; round < 5; ++round) {
+    const auto start = std::chrono::steady_clock::now();
+    for (Eigen::Index c = first; c < first + count; ++c) {
+      const int present = data.body_count[static_cast<std::size_t>(c)];
+      sink += predict(state_of(data.initial, c, present), wrench_of(data, c), present)[0].position.x;
+    }
+    const std::chrono::duration<double, std::micro> spent = std::chrono::steady_clock::now() - start;
+    rounds.push_back(spent.count() / static_cast<double>(count));
+  }
+  volatile double keep = sink;  // or the work might be left out
+  static_cast<void>(keep);
+  return detail::quantile(rounds, 0.5);
+}
+
+}  // namespace rbres

@@ -1,0 +1,93 @@
+#pragma once
+
+#include <rbres/nn/trainer.hpp>
+#include <rbres/predict/predictor.hpp>
+#include <rbres/sim/dataset.hpp>
+
+namespace rbres {
+
+/// Scenario c as it starts, and where truth is at horizon h, in the types that a predictor takes. Absent
+/// bodies stand at the origin.
+inline SystemState<double, ScenarioData::bodies> state_of(const ScenarioData::Columns& columns,
+                                                          Eigen::Index c, int present) {
+  SystemState<double, ScenarioData::bodies> y;
+  y.vector().head(13 * present) = columns.col(c).head(13 * present).cast<double>();
+  return y;
+}
+inline std::array<Wrench<double>, ScenarioData::bodies> wrench_of(const ScenarioData& data, Eigen::Index c) {
+  std::array<Wrench<double>, ScenarioData::bodies> w;
+  Eigen::Map<Eigen::VectorXd>(&w[0].force.x, 30) = data.wrench.col(c).cast<double>();
+  return w;
+}
+
+/// Columns to train a predictor of one horizon on, and the predictor's normalisation, fitted to the training
+/// columns only.
+template <class Predictor>
+class TrainingSet {
+  using T = typename Predictor::Scalar;
+  using Columns = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
+
+ public:
+  /// Encodes the first n scenarios of `data` for horizon number h. Sets the predictor's horizon, and its
+  /// normalisers from scenarios first_train ... n - 1 alone: those that train. Throws Error for numbers that
+  /// the data does not have.
+  TrainingSet(Predictor& predictor, const ScenarioData& data, std::size_t h, Eigen::Index first_train,
+              Eigen::Index n) {
+    if (h >= data.horizons.size())
+      detail::refuse("horizon number", detail::text("less than ", data.horizons.size()), h);
+    if (n < 1 || n > data.count()) detail::refuse("scenarios", detail::text("1 to ", data.count()), n);
+    if (first_train < 0 || first_train >= n) {
+      detail::refuse("first training scenario", detail::text("0 to ", n - 1), first_train);
+    }
+    predictor.horizon = data.horizons[h];
+    using Code = typename Predictor::Code;
+    inputs_.resize(Code::inputs, n);
+    targets_.resize(Code::outputs, n);
+    weights_.resize(Code::outputs, n);
+    const auto present = [&](Eigen::Index c) {
+      return static_cast<int>(data.body_count[static_cast<std::size_t>(c)]);
+    };
+    each_block(n, [&](Eigen::Index c) {
+      const auto state = state_of(data.initial, c, present(c));
+      const auto wrench = wrench_of(data, c);
+      const auto truth = state_of(data.states[h], c, present(c));
+      inputs_.col(c) = Code::encode(state, wrench, present(c)).template cast<T>();
+      targets_.col(c) = predictor.wanted(state, wrench, truth, present(c)).template cast<T>();
+      weights_.col(c).setZero();
+      weights_.col(c).head(13 * present(c)).setOnes();
+    });
+    predictor.input = Normalizer<T, Code::inputs>::fit(
+        inputs_.rightCols(n - first_train),
+        [&](Eigen::Index r, Eigen::Index c) { return r < 19 * present(first_train + c); });
+    predictor.output = Normalizer<T, Code::outputs>::fit(
+        targets_.rightCols(n - first_train),
+        [&](Eigen::Index r, Eigen::Index c) { return r < 13 * present(first_train + c); });
+    each_block(n, [&](Eigen::Index c) {
+      const auto state = state_of(data.initial, c, present(c));
+      inputs_.col(c) = predictor.encode(state, wrench_of(data, c), present(c));
+      targets_.col(c) = predictor.output.normalize(targets_.col(c));
+      targets_.col(c).tail(Code::outputs - 13 * present(c)).setZero();
+    });
+  }
+
+  /// Scenarios first ... first + count - 1. The views hold while this set lives.
+  Samples<T> samples(Eigen::Index first, Eigen::Index count) const {
+    const auto view = [&](const Columns& all) {
+      return ColumnsView<T>(all.col(first).data(), all.rows(), count);
+    };
+    return {view(inputs_), view(targets_), view(weights_)};
+  }
+
+ private:
+  template <class F>
+  static void each_block(Eigen::Index n, const F& f) {
+    constexpr Eigen::Index block = 256;
+    parallel_for((n + block - 1) / block, 0, [&](std::ptrdiff_t b) {
+      for (Eigen::Index c = b * block; c < std::min(n, (b + 1) * block); ++c) f(c);
+    });
+  }
+
+  Columns inputs_, targets_, weights_;
+};
+
+}  // namespace rbres

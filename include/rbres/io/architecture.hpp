@@ -1,0 +1,63 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <rbres/core/error.hpp>
+#include <rbres/nn/layers.hpp>
+
+namespace rbres::detail {
+
+/// How a list of layers is written: `spelled` as the C++ type, else with runs of equal layers as "10 x
+/// Residual<...>".
+enum class LayerText { spelled, shortened };
+
+/// The name of a layer's type in C++. A user's own layer gives it as `static constexpr std::string_view
+/// name`.
+template <class Layer>
+struct LayerName {
+  static std::string text(LayerText) { return std::string(Layer::name); }
+};
+template <>
+struct LayerName<Relu> {
+  static std::string text(LayerText) { return "rbres::Relu"; }
+};
+template <>
+struct LayerName<Tanh> {
+  static std::string text(LayerText) { return "rbres::Tanh"; }
+};
+template <>
+struct LayerName<Silu> {
+  static std::string text(LayerText) { return "rbres::Silu"; }
+};
+template <>
+struct LayerName<Dropout> {
+  static std::string text(LayerText) { return "rbres::Dropout"; }
+};
+template <int In, int Out>
+struct LayerName<Linear<In, Out>> {
+  static std::string text(LayerText) { return detail::text("rbres::Linear<", In, ", ", Out, ">"); }
+};
+
+template <class... Layers>
+std::string layer_list(std::string_view container, LayerText how) {
+  const std::vector<std::string> layers{LayerName<Layers>::text(how)...};
+  std::string out(container);
+  for (std::size_t i = 0, run = 1; i < layers.size(); i += run, run = 1) {
+    if (how == LayerText::shortened)
+      while (i + run < layers.size() && layers[i + run] == layers[i]) ++run;
+    out += text(i == 0 ? "<" : ", ", run > 1 ? text(run, " x ") : "", layers[i]);
+  }
+  return out + ">";
+}
+template <class... Layers>
+struct LayerName<Sequential<Layers...>> {
+  static std::string text(LayerText how) { return layer_list<Layers...>("rbres::Sequential", how); }
+};
+template <class... Layers>
+struct LayerName<Residual<Layers...>> {
+  static std::string text(LayerText how) { return layer_list<Layers...>("rbres::Residual", how); }
+};
+
+}  // namespace rbres::detail

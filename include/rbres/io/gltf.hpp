@@ -1,0 +1,214 @@
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <rbres/body/system.hpp>
+#include <rbres/io/gltf_file.hpp>
+#include <rbres/io/gltf_mesh.hpp>
+
+namespace rbres {
+
+/// Red, green, blue (linear) and opacity, each in [0, 1].
+using GltfColour = std::array<double, 4>;
+
+inline constexpr GltfColour gltf_solid_blue{0.00, 0.17, 0.45, 1.0};
+inline constexpr GltfColour gltf_clear_orange{0.80, 0.20, 0.00, 0.55};
+
+/// How a motion is shown.
+struct GltfStyle {
+  GltfColour colour = gltf_solid_blue;  ///< of half of each body; the other half is paler
+  Vec3<double> offset{};                ///< moves the whole motion, world frame, m: two stand side by side
+  int bodies = 0;                       ///< shows the first so many, where the rest are absent; 0: all
+};
+
+/// Motions to look at, as a glTF 2.0 animation in one file (.glb) that any viewer opens. The world's z points
+/// up in the viewer, one unit is one metre, one second one second; between samples viewers interpolate
+/// linearly (positions) and on the shortest arc (orientations).
+class GltfScene {
+ public:
+  GltfScene() {
+    file_.json["scene"] = 0;
+    file_.json["scenes"][0]["nodes"][0] = 0;
+    // From z up to y up, the format's own: a quarter turn about -x.
+    const double half = std::sqrt(0.5);
+    file_.append("nodes", {{"name", "world"}, {"rotation", {-half, 0.0, 0.0, half}}});
+  }
+
+  /// Adds the bodies of `system`, moving through states[k] at times[k] (s). Throws Error, and adds nothing,
+  /// unless there is a state per time, at least one, the times increase from 0 or later (as floats), all
+  /// numbers are finite (as floats) and all orientations unit quaternions.
+  template <class System>
+  void add_motion(const std::string& name, const System& system, std::span<const double> times,
+                  std::span<const typename System::State> states, const GltfStyle& style = {}) {
+    const std::string what = "glTF motion '" + name + "'";
+    const std::vector<float> seconds = checked_times(what, times, states.size());
+    check_style(what, style, System::bodies);
+    const int bodies = style.bodies == 0 ? System::bodies : style.bodies;
+    std::vector<Track> tracks;
+    for (int i = 0; i < bodies; ++i)
+      tracks.push_back(track<System>(detail::text(what, ", body ", i), states, i));
+
+    const std::array<std::size_t, 2> materials = append_materials(style.colour);
+    const std::size_t time = file_.append_accessor(seconds, 1, detail::GltfTarget::none);
+    nlohmann::json children = nlohmann::json::array();
+    for (int i = 0; i < bodies; ++i) {
+      const auto& body = system[i];
+      const Quat<double> rotation = quat(body.shape_rotation());
+      const auto mesh = detail::with_shape(
+          body.shape(), [&](const auto& shape) { return detail::mesh_of(shape, rotation); });
+      const std::size_t node = file_.append(
+          "nodes", {{"name", detail::text(name, " ", i)}, {"mesh", append_mesh(mesh, materials)}});
+      const Track& own = tracks[static_cast<std::size_t>(i)];
+      animate(node, "translation", time, file_.append_accessor(own.positions, 3, detail::GltfTarget::none));
+      animate(node, "rotation", time, file_.append_accessor(own.rotations, 4, detail::GltfTarget::none));
+      children.push_back(node);
+    }
+    append_group(name, style.offset, std::move(children));
+  }
+
+  /// Adds the faces of planes (of a room, a floor) as far as `half_width` (m) from the world's origin along
+  /// each. They are seen from their free side alone: a room is open to the eye from everywhere.
+  template <class S>
+  void add_planes(const std::vector<Plane<S>>& planes, const Vec3<double>& offset = {},
+                  double half_width = 10) {
+    if (!(half_width > 0) || !is_finite(half_width))
+      detail::refuse("glTF planes, half width", "a positive length", half_width);
+    check_offset("glTF planes", offset);
+    const detail::GltfMesh mesh = detail::mesh_of(planes, half_width);
+    if (mesh.positions.empty()) return;
+    const auto grey = append_material({0.55, 0.55, 0.55, 1});
+    const std::size_t node = file_.append("nodes", {{"mesh", append_mesh(mesh, {grey, grey})}});
+    append_group("planes", offset, nlohmann::json::array({node}));
+  }
+
+  /// Writes the file (.glb). Throws Error when the scene has no motion; see AtomicFile for the other errors.
+  void write(const std::filesystem::path& path) const {
+    if (!file_.json.contains("animations")) detail::refuse(path.string(), "a scene with a motion", "none");
+    file_.write(path);
+  }
+
+ private:
+  struct Track {
+    std::vector<float> positions, rotations;
+  };
+
+  static std::vector<float> checked_times(const std::string& what, std::span<const double> times,
+                                          std::size_t states) {
+    if (times.empty()) detail::refuse(what, "at least one state", "none");
+    if (times.size() != states)
+      detail::refuse(what, detail::text(times.size(), " states, one per time"), states);
+    std::vector<float> seconds;
+    for (std::size_t k = 0; k < times.size(); ++k) {
+      const auto time = static_cast<float>(times[k]);
+      if (!is_finite(time) || time < 0 || (k > 0 && !(time > seconds.back())))
+        detail::refuse(detail::text(what, ", time ", k), "finite times that increase from 0 or later",
+                       times[k]);
+      seconds.push_back(time);
+    }
+    return seconds;
+  }
+
+  static void check_style(const std::string& what, const GltfStyle& style, int bodies) {
+    for (const double component : style.colour)
+      if (!(component >= 0 && component <= 1))
+        detail::refuse(what + ", colour", "numbers in [0, 1]", component);
+    if (style.bodies < 0 || style.bodies > bodies)
+      detail::refuse(what + ", bodies shown", detail::text("a number from 0 to ", bodies), style.bodies);
+    check_offset(what, style.offset);
+  }
+
+  static void check_offset(const std::string& what, const Vec3<double>& offset) {
+    for (const double x : {offset.x, offset.y, offset.z})
+      if (!is_finite(x)) detail::refuse(what + ", offset", "finite numbers", x);
+  }
+
+  template <class S>
+  static Quat<double> quat(const Quat<S>& q) {
+    return {static_cast<double>(q.x), static_cast<double>(q.y), static_cast<double>(q.z),
+            static_cast<double>(q.w)};
+  }
+
+  /// One body's positions and orientations, the latter each on its predecessor's side of q and -q, so that
+  /// no viewer takes the long way round between them.
+  template <class System>
+  static Track track(const std::string& what, std::span<const typename System::State> states, int body) {
+    Track result;
+    Quat<double> previous;
+    for (std::size_t k = 0; k < states.size(); ++k) {
+      const auto& state = states[k][body];
+      for (const auto& x : {state.position.x, state.position.y, state.position.z}) {
+        const auto number = static_cast<float>(x);
+        if (!is_finite(number))
+          detail::refuse(detail::text(what, ", position at time ", k), "finite numbers", x);
+        result.positions.push_back(number);
+      }
+      Quat<double> q = quat(state.orientation);
+      if (!(std::abs(std::sqrt(squared_norm(q)) - 1) < 1e-3))
+        detail::refuse(detail::text(what, ", orientation at time ", k), "a unit quaternion",
+                       detail::text("one of length ", std::sqrt(squared_norm(q))));
+      q = normalized(q);
+      if (q.x * previous.x + q.y * previous.y + q.z * previous.z + q.w * previous.w < 0)
+        q = {-q.x, -q.y, -q.z, -q.w};
+      for (const double x : {q.x, q.y, q.z, q.w}) result.rotations.push_back(static_cast<float>(x));
+      previous = q;
+    }
+    return result;
+  }
+
+  std::size_t append_material(const GltfColour& colour) {
+    nlohmann::json material = {
+        {"pbrMetallicRoughness",
+         {{"baseColorFactor", colour}, {"metallicFactor", 0}, {"roughnessFactor", 0.7}}}};
+    if (colour[3] < 1) material["alphaMode"] = "BLEND";
+    return file_.append("materials", std::move(material));
+  }
+
+  std::array<std::size_t, 2> append_materials(const GltfColour& colour) {
+    GltfColour pale = colour;
+    for (std::size_t i = 0; i < 3; ++i) pale[i] += 0.7 * (1 - pale[i]);
+    const std::size_t full = append_material(colour);
+    return {full, append_material(pale)};
+  }
+
+  std::size_t append_mesh(const detail::GltfMesh& mesh, const std::array<std::size_t, 2>& materials) {
+    const nlohmann::json attributes = {
+        {"POSITION", file_.append_accessor(mesh.positions, 3, detail::GltfTarget::vertices)},
+        {"NORMAL", file_.append_accessor(mesh.normals, 3, detail::GltfTarget::vertices)}};
+    nlohmann::json primitives = nlohmann::json::array();
+    for (std::size_t i = 0; i < 2; ++i) {
+      if (mesh.triangles[i].empty()) continue;
+      primitives.push_back(
+          {{"attributes", attributes},
+           {"indices", file_.append_accessor(mesh.triangles[i], 1, detail::GltfTarget::indices)},
+           {"material", materials[i]}});
+    }
+    return file_.append("meshes", {{"primitives", std::move(primitives)}});
+  }
+
+  void append_group(const std::string& name, const Vec3<double>& offset, nlohmann::json children) {
+    const std::size_t group = file_.append(
+        "nodes",
+        {{"name", name}, {"translation", {offset.x, offset.y, offset.z}}, {"children", std::move(children)}});
+    file_.json["nodes"][0]["children"].push_back(group);
+  }
+
+  void animate(std::size_t node, const char* path, std::size_t times, std::size_t values) {
+    auto& animation = file_.json["animations"][0];
+    animation["name"] = "motion";
+    auto& samplers = animation["samplers"];
+    samplers.push_back({{"input", times}, {"output", values}, {"interpolation", "LINEAR"}});
+    animation["channels"].push_back(
+        {{"sampler", samplers.size() - 1}, {"target", {{"node", node}, {"path", path}}}});
+  }
+
+  detail::GltfFile file_;
+};
+
+}  // namespace rbres

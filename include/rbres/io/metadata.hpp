@@ -1,0 +1,44 @@
+#pragma once
+
+#include <limits>
+#include <locale>
+#include <sstream>
+#include <string>
+
+#include <Eigen/Core>
+
+#include <rbres/core/error.hpp>
+#include <rbres/io/safetensors.hpp>
+
+namespace rbres::detail {
+
+/// Numbers as text that reads back to the same bits, column by column: for the few that stand in a file's
+/// metadata, where a tensor would be one too many for PyTorch's load_state_dict.
+template <class Derived>
+std::string numbers_to_text(const Eigen::DenseBase<Derived>& numbers) {
+  std::ostringstream out;
+  out.imbue(std::locale::classic());
+  out.precision(std::numeric_limits<typename Derived::Scalar>::max_digits10);
+  for (Eigen::Index column = 0; column < numbers.cols(); ++column)
+    for (Eigen::Index row = 0; row < numbers.rows(); ++row) out << numbers(row, column) << ' ';
+  return out.str();
+}
+
+/// Reads as many numbers as `numbers` has from the file's metadata; Error when the key is missing or its text
+/// holds anything else.
+template <class Derived>
+void numbers_from_metadata(const SafetensorsReader& file, const std::string& key,
+                           Eigen::DenseBase<Derived>& numbers) {
+  const std::string what = text(file.path().string(), ": metadata '", key, "'");
+  const std::string expected = text(numbers.size(), " finite numbers");
+  const auto found = file.metadata().find(key);
+  if (found == file.metadata().end()) refuse(what, expected, "none");
+  std::istringstream in(found->second);
+  in.imbue(std::locale::classic());
+  for (Eigen::Index column = 0; column < numbers.cols(); ++column)
+    for (Eigen::Index row = 0; row < numbers.rows(); ++row)
+      if (!(in >> numbers(row, column))) refuse(what, expected, "fewer, or something else");
+  if (!(in >> std::ws).eof()) refuse(what, expected, "more");
+}
+
+}  // namespace rbres::detail

@@ -1,0 +1,105 @@
+#pragma once
+
+#include <concepts>
+#include <cstddef>
+#include <filesystem>
+#include <limits>
+#include <string>
+
+#include <Eigen/Core>
+
+#include <rbres/core/error.hpp>
+#include <rbres/core/philox.hpp>
+#include <rbres/io/metadata.hpp>
+#include <rbres/io/parameters.hpp>
+#include <rbres/io/safetensors.hpp>
+#include <rbres/nn/network.hpp>
+
+namespace rbres {
+
+/// How a type of model stands in a safetensors file: write() adds its tensors and metadata, read() gives the
+/// model or throws Error. Specialise it for a type that holds a network and more, and write both into the one
+/// file.
+template <class Model>
+struct ModelFormat;
+
+/// Saves a model as a safetensors file, atomically (see AtomicFile), with the user's own metadata; the
+/// model's own keys are taken (for a network "architecture", "scalar", "probe_inputs" and "probe_outputs").
+template <class Model>
+void save(const std::filesystem::path& path, const Model& model, const Metadata& metadata = {}) {
+  SafetensorsWriter file;
+  ModelFormat<Model>::write(file, model);
+  detail::add_metadata(file, metadata, path);
+  file.write(path);
+}
+
+/// Loads a model that save() wrote; for a network also one that PyTorch wrote. Every other file is an Error
+/// that names the path and what is wrong.
+template <class Model>
+Model load(const std::filesystem::path& path) {
+  return ModelFormat<Model>::read(SafetensorsReader(path));
+}
+
+/// A network's file is what `safetensors.torch.save_file(module.state_dict(), path)` writes for the
+/// nn.Sequential of the same layers, and loads there: tensors "0.weight" [outputs, inputs] and "0.bias"
+/// [outputs]. Its metadata say the architecture and the scalar type, and hold a few inputs with their
+/// outputs, which are computed again at loading: they must agree within 2^13 epsilon of the largest output
+/// (1e-3 in float, 2e-12 in double), which other processors and flags keep by far and wrong numbers do not. A
+/// file without these metadata, as PyTorch writes it, must hold the network's tensors and no others.
+template <std::floating_point T, class Layers>
+struct ModelFormat<Network<T, Layers>> {
+  using Model = Network<T, Layers>;
+
+  /// The network must stay until the file is written.
+  static void write(SafetensorsWriter& file, const Model& network) {
+    detail::add_parameters<Model>(file, "", network.parameters().data());
+    Inputs inputs;
+    Random random(0);
+    for (T& number : inputs.reshaped()) number = static_cast<T>(random.normal());
+    const Outputs outputs = probe(network, inputs);
+    detail::require_finite("the network's outputs", outputs.data(), Outputs::SizeAtCompileTime);
+    file.metadata = detail::network_metadata<Model>();
+    file.metadata["probe_inputs"] = detail::numbers_to_text(inputs);
+    file.metadata["probe_outputs"] = detail::numbers_to_text(outputs);
+  }
+
+  static Model read(const SafetensorsReader& file) {
+    const bool is_ours = file.metadata().contains("architecture");
+    if (is_ours) detail::require_metadata(file, detail::network_metadata<Model>());
+    Model network;
+    detail::read_parameters<Model>(file, "", network.parameters().data());
+    if (is_ours) {
+      check_probes(file, network);
+    } else if (const auto expected = Model::tensors().size(); file.tensors().size() != expected) {
+      const auto architecture = detail::network_metadata<Model>().at("architecture");
+      detail::refuse(file.path().string(), detail::text("the ", expected, " tensors of ", architecture),
+                     file.tensors().size());
+    }
+    return network;
+  }
+
+ private:
+  static constexpr int probes = 3;
+  using Inputs = Eigen::Matrix<T, Model::input_size, probes>;
+  using Outputs = Eigen::Matrix<T, Model::output_size, probes>;
+
+  static Outputs probe(const Model& network, const Inputs& inputs) {
+    Outputs outputs;
+    for (int i = 0; i < probes; ++i) outputs.col(i) = network.forward(inputs.col(i));
+    return outputs;
+  }
+
+  static void check_probes(const SafetensorsReader& file, const Model& network) {
+    Inputs inputs;
+    Outputs expected;
+    detail::numbers_from_metadata(file, "probe_inputs", inputs);
+    detail::numbers_from_metadata(file, "probe_outputs", expected);
+    const T tolerance = 8192 * std::numeric_limits<T>::epsilon() * expected.cwiseAbs().maxCoeff();
+    const T error = (probe(network, inputs) - expected).cwiseAbs().maxCoeff();
+    if (!(error <= tolerance))
+      detail::refuse(file.path().string() + ": outputs for the stored inputs",
+                     detail::text("an error of at most ", tolerance), error);
+  }
+};
+
+}  // namespace rbres

@@ -1,0 +1,148 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <limits>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <rbres/io/atomic_file.hpp>
+#include <rbres/io/file.hpp>
+#include <rbres/io/npy_header.hpp>
+
+namespace rbres {
+
+/// Writes a NumPy .npy file (format 1.0, C order) of shape (samples, ...) sample by sample, so that a data
+/// set larger than the memory can be made. One sample is one column here and one entry of the first axis
+/// there. The file appears with commit(), whole; see AtomicFile for the errors.
+template <class Scalar>
+class NpyWriter {
+  static_assert(!detail::npy_descr<Scalar>().empty(), "rbres: no .npy files of this type");
+
+ public:
+  using Columns = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
+
+  /// sample_shape is the shape of one sample in C order: {} makes a file of shape (samples), {65} one of
+  /// (samples, 65), {251, 65} one of (samples, 251, 65).
+  NpyWriter(std::filesystem::path path, std::vector<Eigen::Index> sample_shape)
+      : file_(std::move(path)), sample_shape_(std::move(sample_shape)) {
+    if (sample_shape_.size() > 2)
+      detail::refuse(file_.path().string(), "samples of at most 2 dimensions", sample_shape_.size());
+    for (const Eigen::Index extent : sample_shape_) features_ *= extent;
+    // Room for any number of samples, so that the header can be written last.
+    header_size_ = header(std::numeric_limits<Eigen::Index>::max(), 0).size();
+    file_.write(header(0, header_size_).data(), header_size_);
+  }
+
+  /// Appends columns (features × n), features being the product of the sample shape.
+  void append(const Eigen::Ref<const Columns>& columns) {
+    if (columns.rows() != features_)
+      detail::refuse(file_.path().string(), detail::text("columns of ", features_, " numbers"),
+                     columns.rows());
+    if (columns.outerStride() == columns.rows()) {
+      file_.write(columns.data(), static_cast<std::size_t>(columns.size()) * sizeof(Scalar));
+    } else {
+      for (Eigen::Index i = 0; i < columns.cols(); ++i)
+        file_.write(columns.col(i).data(), static_cast<std::size_t>(features_) * sizeof(Scalar));
+    }
+    samples_ += columns.cols();
+  }
+
+  Eigen::Index features() const noexcept { return features_; }
+  Eigen::Index samples() const noexcept { return samples_; }
+
+  /// Fixes the header, flushes, and puts the file in its place.
+  void commit() {
+    file_.write_at(0, header(samples_, header_size_).data(), header_size_);
+    file_.commit();
+  }
+
+ private:
+  std::string header(Eigen::Index samples, std::size_t size) const {
+    std::vector<Eigen::Index> shape{samples};
+    shape.insert(shape.end(), sample_shape_.begin(), sample_shape_.end());
+    return detail::npy_header(detail::npy_descr<Scalar>(), shape, size);
+  }
+
+  AtomicFile file_;
+  std::vector<Eigen::Index> sample_shape_;
+  Eigen::Index features_ = 1;
+  Eigen::Index samples_ = 0;
+  std::size_t header_size_ = 0;
+};
+
+/// Reads a NumPy .npy file (format 1, 2 or 3; C order; 1 to 3 dimensions; little-endian) as columns: the
+/// first axis counts samples, the others are one sample's numbers in C order. Scalar is float, double,
+/// std::int32_t, std::int64_t or std::uint8_t, and the file's type must be the same. Every malformed file is
+/// an rbres::Error that names the path and what is wrong; no more is allocated than the file holds.
+template <class Scalar>
+class NpyReader {
+  static_assert(!detail::npy_descr<Scalar>().empty(), "rbres: no .npy files of this type");
+
+ public:
+  using Columns = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
+
+  explicit NpyReader(std::filesystem::path path)
+      : file_(std::move(path)), header_(detail::read_npy_header(file_)) {
+    if (header_.descr != detail::npy_descr<Scalar>())
+      detail::refuse(file_.path().string(), detail::text("dtype ", detail::npy_descr<Scalar>()),
+                     header_.descr);
+    std::uint64_t features = 1;
+    for (std::size_t i = 1; i < header_.shape.size(); ++i)
+      features =
+          detail::checked_product(file_.path(), features, static_cast<std::uint64_t>(header_.shape[i]));
+    features_ = static_cast<Eigen::Index>(features);
+    const auto numbers =
+        detail::checked_product(file_.path(), static_cast<std::uint64_t>(header_.shape.front()), features);
+    const auto bytes = detail::checked_product(file_.path(), numbers, sizeof(Scalar));
+    if (bytes != file_.size() - header_.data)
+      detail::refuse(file_.path().string(), detail::text(bytes, " bytes of data, as its shape says"),
+                     file_.size() - header_.data);
+  }
+
+  /// The array's shape, samples first.
+  const std::vector<Eigen::Index>& shape() const noexcept { return header_.shape; }
+  Eigen::Index samples() const noexcept { return header_.shape.front(); }
+  /// Numbers per sample: the product of the other extents.
+  Eigen::Index features() const noexcept { return features_; }
+
+  /// Samples first, ..., first + count - 1 as columns (features × count).
+  Columns read(Eigen::Index first, Eigen::Index count) const {
+    if (first < 0 || count < 0 || count > samples() - first)
+      detail::refuse(file_.path().string(), detail::text("a range within ", samples(), " samples"),
+                     detail::text(count, " from ", first));
+    Columns columns(features_, count);
+    const auto stride = static_cast<std::uint64_t>(features_) * sizeof(Scalar);
+    file_.read(header_.data + static_cast<std::uint64_t>(first) * stride, columns.data(),
+               static_cast<std::size_t>(columns.size()) * sizeof(Scalar));
+    return columns;
+  }
+
+  /// All samples.
+  Columns read() const { return read(0, samples()); }
+
+ private:
+  detail::InputFile file_;
+  detail::NpyHeader header_;
+  Eigen::Index features_ = 1;
+};
+
+/// Writes columns (features × samples) as a .npy file of shape (samples, features).
+template <class Derived>
+void write_npy(const std::filesystem::path& path, const Eigen::MatrixBase<Derived>& columns) {
+  NpyWriter<typename Derived::Scalar> writer(path, {columns.rows()});
+  writer.append(columns.derived());
+  writer.commit();
+}
+
+/// Reads a whole .npy file as columns (features × samples); see NpyReader.
+template <class Scalar>
+Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> read_npy(const std::filesystem::path& path) {
+  return NpyReader<Scalar>(path).read();
+}
+
+}  // namespace rbres

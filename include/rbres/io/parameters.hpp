@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <rbres/core/error.hpp>
+#include <rbres/io/architecture.hpp>
+#include <rbres/io/safetensors.hpp>
+#include <rbres/nn/network.hpp>
+
+/// What the files of networks and of training runs have in common.
+namespace rbres::detail {
+
+/// [outputs, inputs] of a weight, [outputs] of a bias.
+inline std::vector<Eigen::Index> torch_shape(const ParameterTensor& tensor) {
+  if (tensor.is_bias) return {tensor.rows};
+  return {tensor.rows, tensor.columns};
+}
+
+/// Adds a block of a network's layout (its parameters, or an optimiser's moments) as the tensors PREFIX +
+/// name, of PyTorch's shapes. The block must stay until the file is written.
+template <class Net>
+void add_parameters(SafetensorsWriter& file, const std::string& prefix, const typename Net::Scalar* block) {
+  using Scalar = typename Net::Scalar;
+  for (const ParameterTensor& tensor : Net::tensors())
+    file.add<Scalar>(prefix + tensor.name, torch_shape(tensor), [block, tensor](Scalar* to) {
+      for (int row = 0; row < tensor.rows; ++row)
+        for (int column = 0; column < tensor.columns; ++column) *to++ = block[tensor.index(row, column)];
+    });
+}
+
+/// Reads what add_parameters() wrote. Error when a tensor is missing or of another type or shape.
+template <class Net>
+void read_parameters(const SafetensorsReader& file, const std::string& prefix, typename Net::Scalar* block) {
+  using Scalar = typename Net::Scalar;
+  for (const ParameterTensor& tensor : Net::tensors()) {
+    std::vector<Scalar> numbers(static_cast<std::size_t>(tensor.rows) *
+                                static_cast<std::size_t>(tensor.columns));
+    file.read(prefix + tensor.name, torch_shape(tensor), numbers.data());
+    const Scalar* from = numbers.data();
+    for (int row = 0; row < tensor.rows; ++row)
+      for (int column = 0; column < tensor.columns; ++column) block[tensor.index(row, column)] = *from++;
+  }
+}
+
+/// The metadata of every file with a network.
+template <class Net>
+Metadata network_metadata() {
+  return {{"architecture", LayerName<typename Net::Architecture>::text(LayerText::shortened)},
+          {"scalar", std::is_same_v<typename Net::Scalar, float> ? "float32" : "float64"}};
+}
+
+/// Error that names the path and both values when the file's metadata lack one of these or have another.
+inline void require_metadata(const SafetensorsReader& file, const Metadata& expected) {
+  for (const auto& [key, value] : expected) {
+    const auto found = file.metadata().find(key);
+    if (found == file.metadata().end() || found->second != value)
+      refuse(text(file.path().string(), ": metadata '", key, "'"), "'" + value + "'",
+             found == file.metadata().end() ? "none" : "'" + found->second + "'");
+  }
+}
+
+/// Adds metadata; Error that names the path when a key is taken.
+inline void add_metadata(SafetensorsWriter& file, const Metadata& more, const std::filesystem::path& path) {
+  for (const auto& entry : more)
+    if (!file.metadata.insert(entry).second)
+      refuse(path.string(), "metadata that leave the file's own keys alone", "'" + entry.first + "'");
+}
+
+}  // namespace rbres::detail

@@ -1,0 +1,100 @@
+#pragma once
+
+#include <rbres/io/metadata.hpp>
+#include <rbres/io/model.hpp>
+#include <rbres/predict/predictor.hpp>
+
+namespace rbres {
+
+/// A predictor's file is its network's (see ModelFormat<Network>), with the rest in the metadata: the
+/// normalisation
+/// ("input_mean", "input_deviation", "output_mean", "output_deviation"), what the network says ("target"),
+/// the "horizon" (s), and the contact-free flow ("flow_bodies": for each body its shape as 0 ball, 1 box, 2
+/// capsule, three lengths (m), mass (kg), three principal moments (kg m^2); "flow_forces": gravity (m/s^2),
+/// then density, drag and rotational drag of the fluid, then both damping rates). PyTorch still loads the
+/// network. Shapes must stand along the principal axes.
+template <class Net, int N>
+struct ModelFormat<Predictor<Net, N>> {
+  using Model = Predictor<Net, N>;
+
+  static void write(SafetensorsWriter& file, const Model& p) {
+    ModelFormat<Net>::write(file, p.network);
+    file.metadata["input_mean"] = detail::numbers_to_text(p.input.mean);
+    file.metadata["input_deviation"] = detail::numbers_to_text(p.input.deviation);
+    file.metadata["output_mean"] = detail::numbers_to_text(p.output.mean);
+    file.metadata["output_deviation"] = detail::numbers_to_text(p.output.deviation);
+    file.metadata["target"] = p.target == Target::residual ? "residual" : "state";
+    file.metadata["horizon"] = detail::numbers_to_text(Eigen::Matrix<double, 1, 1>(p.horizon));
+    Bodies bodies;
+    for (int b = 0; b < N; ++b) {
+      const auto& body = p.flow.system[b];
+      if (!(body.shape_rotation() == Quat<double>{})) {
+        detail::refuse(detail::text("body ", b, " of a saved predictor"), "a shape along the principal axes",
+                       "a turned one");
+      }
+      bodies.col(b) << static_cast<double>(body.shape().index()), lengths(body.shape()), body.mass(),
+          body.inertia().x, body.inertia().y, body.inertia().z;
+    }
+    file.metadata["flow_bodies"] = detail::numbers_to_text(bodies);
+    Forces forces;
+    forces << p.flow.gravity.g.x, p.flow.gravity.g.y, p.flow.gravity.g.z, p.flow.friction.density,
+        p.flow.friction.drag, p.flow.friction.rotational_drag, p.flow.damping.linear, p.flow.damping.angular;
+    file.metadata["flow_forces"] = detail::numbers_to_text(forces);
+  }
+
+  static Model read(const SafetensorsReader& file) {
+    Net network = ModelFormat<Net>::read(file);
+    Bodies bodies;
+    Forces f;
+    Eigen::Matrix<double, 1, 1> horizon;
+    detail::numbers_from_metadata(file, "flow_bodies", bodies);
+    detail::numbers_from_metadata(file, "flow_forces", f);
+    detail::numbers_from_metadata(file, "horizon", horizon);
+    const auto system = [&]<std::size_t... I>(std::index_sequence<I...>) {
+      return System<double, N>({body(file, bodies.col(I))...});
+    }
+    (std::make_index_sequence<N>{});
+    Model p{std::move(network), {}, {}, {system, {{f[0], f[1], f[2]}}, {f[3], f[4], f[5]}, {f[6], f[7]}}};
+    detail::numbers_from_metadata(file, "input_mean", p.input.mean);
+    detail::numbers_from_metadata(file, "input_deviation", p.input.deviation);
+    detail::numbers_from_metadata(file, "output_mean", p.output.mean);
+    detail::numbers_from_metadata(file, "output_deviation", p.output.deviation);
+    const std::string what = file.path().string() + ": ";
+    if (!(horizon[0] > 0)) detail::refuse(what + "horizon", "a positive time in s", horizon[0]);
+    p.horizon = horizon[0];
+    if (!((p.input.deviation.array() > 0).all() && (p.output.deviation.array() > 0).all())) {
+      detail::refuse(what + "deviations", "positive numbers", "others");
+    }
+    const std::string& target = entry(file, "target");
+    if (target != "residual" && target != "state")
+      detail::refuse(what + "target", "'residual' or 'state'", target);
+    p.target = target == "residual" ? Target::residual : Target::state;
+    return p;
+  }
+
+ private:
+  using Bodies = Eigen::Matrix<double, 8, N>;
+  using Forces = Eigen::Matrix<double, 8, 1>;
+
+  static Eigen::Vector3d lengths(const AnyShape<double>& shape) {
+    if (const auto* ball = std::get_if<Sphere<double>>(&shape)) return {ball->radius, 0, 0};
+    if (const auto* box = std::get_if<Box<double>>(&shape)) return box->half;
+    const auto& capsule = std::get<Capsule<double>>(shape);
+    return {capsule.radius, capsule.half_length, 0};
+  }
+  static Body<double> body(const SafetensorsReader& file, const Eigen::Matrix<double, 8, 1>& n) {
+    const Vec3<double> moments{n[5], n[6], n[7]};
+    if (n[0] == 0) return {Sphere<double>{n[1]}, n[4], moments};
+    if (n[0] == 1) return {Box<double>{n[1], n[2], n[3]}, n[4], moments};
+    if (n[0] == 2) return {Capsule<double>{n[1], n[2]}, n[4], moments};
+    detail::refuse(file.path().string() + ": flow_bodies: shape", "0, 1 or 2", n[0]);
+  }
+  static const std::string& entry(const SafetensorsReader& file, const char* key) {
+    const auto found = file.metadata().find(key);
+    if (found == file.metadata().end())
+      detail::refuse(file.path().string(), detail::text("metadata '", key, "'"), "none");
+    return found->second;
+  }
+};
+
+}  // namespace rbres

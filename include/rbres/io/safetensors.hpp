@@ -1,0 +1,184 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <map>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+#include <nlohmann/json.hpp>
+
+#include <rbres/io/atomic_file.hpp>
+#include <rbres/io/file.hpp>
+#include <rbres/io/safetensors_header.hpp>
+
+namespace rbres {
+
+namespace detail {
+
+inline std::string shape_text(const std::vector<Eigen::Index>& shape) {
+  std::string out = "[";
+  for (const Eigen::Index extent : shape) out += text(out.size() > 1 ? ", " : "", extent);
+  return out + "]";
+}
+
+template <class Scalar>
+void require_finite(const std::string& what, const Scalar* values, std::size_t size) {
+  if constexpr (std::is_floating_point_v<Scalar>) {
+    const Scalar* bad = std::find_if_not(values, values + size, [](Scalar x) { return std::isfinite(x); });
+    if (bad != values + size) refuse(what, "finite numbers", text(*bad, " at index ", bad - values));
+  }
+}
+
+}  // namespace detail
+
+/// Writes named tensors and metadata as one safetensors file (github.com/huggingface/safetensors). The
+/// numbers are float, double, std::int64_t, std::uint64_t or std::uint8_t, are not copied, and must stay
+/// until write() is done.
+class SafetensorsWriter {
+ public:
+  Metadata metadata;
+
+  /// `values` points to the tensor's numbers in row-major (C) order. Error when the name is taken.
+  template <class Scalar>
+  void add(const std::string& name, std::vector<Eigen::Index> shape, const Scalar* values) {
+    insert<Scalar>(name, std::move(shape),
+                   [values](AtomicFile& file, const std::string& what, std::size_t size) {
+                     detail::require_finite(what, values, size);
+                     file.write(values, size * sizeof(Scalar));
+                   });
+  }
+
+  /// For numbers that stand in another order: fill(Scalar* to) puts them in row-major order when the file is
+  /// written, so that only one tensor at a time is in memory twice.
+  template <class Scalar, std::invocable<Scalar*> Fill>
+  void add(const std::string& name, std::vector<Eigen::Index> shape, Fill fill) {
+    insert<Scalar>(name, std::move(shape),
+                   [fill](AtomicFile& file, const std::string& what, std::size_t size) {
+                     std::vector<Scalar> values(size);
+                     fill(values.data());
+                     detail::require_finite(what, values.data(), size);
+                     file.write(values.data(), size * sizeof(Scalar));
+                   });
+  }
+
+  /// Writes the file atomically; see AtomicFile for the errors. Error too when a number is not finite, or a
+  /// name or the metadata are not UTF-8.
+  void write(const std::filesystem::path& path) const {
+    // The widest type first keeps every tensor aligned, also for readers that map the file.
+    std::vector<const std::pair<const std::string, Tensor>*> in_order;
+    for (const auto& entry : tensors_) in_order.push_back(&entry);
+    std::stable_sort(in_order.begin(), in_order.end(),
+                     [](auto a, auto b) { return a->second.number_bytes > b->second.number_bytes; });
+    nlohmann::json header = nlohmann::json::object();
+    if (!metadata.empty()) header["__metadata__"] = metadata;
+    std::size_t end = 0;
+    for (const auto* entry : in_order) {
+      const auto& [name, tensor] = *entry;
+      const std::size_t begin = std::exchange(end, end + tensor.size * tensor.number_bytes);
+      header[name] = {{"dtype", tensor.dtype}, {"shape", tensor.shape}, {"data_offsets", {begin, end}}};
+    }
+    std::string json;
+    try {
+      json = header.dump();
+    } catch (const nlohmann::json::exception& problem) {
+      throw Error(detail::text(path.string(), ": names and metadata must be UTF-8: ", problem.what()));
+    }
+    json.resize((json.size() + 7) / 8 * 8, ' ');
+    AtomicFile file(path);
+    const std::uint64_t size = json.size();
+    file.write(&size, sizeof size);
+    file.write(json.data(), json.size());
+    for (const auto* entry : in_order) {
+      const auto& [name, tensor] = *entry;
+      tensor.write(file, detail::text(path.string(), ": tensor '", name, "'"), tensor.size);
+    }
+    file.commit();
+  }
+
+ private:
+  struct Tensor {
+    std::string dtype;
+    std::size_t number_bytes;
+    std::vector<Eigen::Index> shape;
+    std::size_t size;  ///< numbers: the product of the shape
+    std::function<void(AtomicFile&, const std::string& what, std::size_t size)> write;
+  };
+
+  template <class Scalar, class Write>
+  void insert(const std::string& name, std::vector<Eigen::Index> shape, Write write) {
+    constexpr std::string_view dtype = detail::safetensors_dtype<Scalar>();
+    static_assert(!dtype.empty(), "rbres: no safetensors of this type");
+    std::size_t size = 1;
+    for (const Eigen::Index extent : shape) size *= static_cast<std::size_t>(extent);
+    Tensor tensor{std::string(dtype), sizeof(Scalar), std::move(shape), size, std::move(write)};
+    if (name == "__metadata__" || !tensors_.emplace(name, std::move(tensor)).second)
+      detail::refuse("tensor names", "each once", "'" + name + "' twice");
+  }
+
+  std::map<std::string, Tensor> tensors_;
+};
+
+/// Reads a safetensors file: the header at once, every tensor when it is asked for. Every malformed file
+/// (truncated, trailing bytes, offsets that overlap, leave gaps or point outside, wrong JSON, ...) is an
+/// rbres::Error that names the path and what is wrong. Memory is bounded by the file's own size, whatever its
+/// header promises.
+class SafetensorsReader {
+ public:
+  explicit SafetensorsReader(std::filesystem::path path) : file_(std::move(path)) {
+    std::uint64_t size = 0;
+    file_.read(0, &size, sizeof size);
+    constexpr std::uint64_t largest = 100'000'000;  // the reference implementation's limit
+    data_ = sizeof size + std::min(size, largest);
+    if (size > largest || data_ > file_.size())
+      detail::refuse(file_.path().string(),
+                     detail::text("a safetensors header within ", file_.size(), " bytes"),
+                     detail::text("a length of ", size));
+    std::string json(static_cast<std::size_t>(size), '\0');
+    file_.read(sizeof size, json.data(), json.size());
+    if (!json.starts_with('{')) detail::refuse(file_.path().string(), "a safetensors file", "no { at byte 8");
+    detail::SafetensorsHeader header(file_.path(), metadata_, tensors_);
+    nlohmann::json::sax_parse(json, &header);
+    detail::check_offsets(file_.path(), tensors_, file_.size() - data_);
+  }
+
+  const std::filesystem::path& path() const noexcept { return file_.path(); }
+  const Metadata& metadata() const noexcept { return metadata_; }
+  const std::map<std::string, TensorInfo>& tensors() const noexcept { return tensors_; }
+  bool contains(const std::string& name) const { return tensors_.contains(name); }
+
+  /// Reads a tensor's numbers in row-major (C) order to `values`. Error when there is none of that name, when
+  /// its type or shape is another, or when a number is not finite.
+  template <class Scalar>
+  void read(const std::string& name, const std::vector<Eigen::Index>& shape, Scalar* values) const {
+    static_assert(!detail::safetensors_dtype<Scalar>().empty(), "rbres: no safetensors of this type");
+    const std::string what = detail::text(path().string(), ": tensor '", name, "'");
+    const auto found = tensors_.find(name);
+    if (found == tensors_.end()) throw Error(what + " is missing");
+    const TensorInfo& tensor = found->second;
+    if (tensor.dtype != detail::safetensors_dtype<Scalar>())
+      detail::refuse(what, detail::text("dtype ", detail::safetensors_dtype<Scalar>()), tensor.dtype);
+    if (tensor.shape != shape)
+      detail::refuse(what, "shape " + detail::shape_text(shape), detail::shape_text(tensor.shape));
+    const auto bytes = static_cast<std::size_t>(tensor.offsets[1] - tensor.offsets[0]);
+    file_.read(data_ + tensor.offsets[0], values, bytes);
+    detail::require_finite(what, values, bytes / sizeof(Scalar));
+  }
+
+ private:
+  detail::InputFile file_;
+  std::uint64_t data_ = 0;  ///< where the data start in the file
+  Metadata metadata_;
+  std::map<std::string, TensorInfo> tensors_;
+};
+
+}  // namespace rbres

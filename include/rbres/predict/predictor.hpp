@@ -1,0 +1,89 @@
+#pragma once
+
+#include <rbres/nn/residual_network.hpp>
+#include <rbres/predict/encoding.hpp>
+#include <rbres/predict/free_flow.hpp>
+
+namespace rbres {
+
+/// What a predictor's network says.
+enum class Target {
+  state,     ///< the state itself (the paper)
+  residual,  ///< the state minus the contact-free flow
+};
+
+/// A trained network as a function from states to states one horizon later. predict() is noexcept and
+/// allocates nothing, so that it may stand in a control loop; absent bodies stay as they are. A predictor
+/// belongs to the world it was trained in: the walls are in its weights.
+template <class Net, int N>
+class Predictor {
+ public:
+  using Network = Net;
+  using Scalar = typename Net::Scalar;
+  using Code = Encoding<N>;
+  using State = SystemState<double, N>;
+  using Wrenches = std::array<Wrench<double>, N>;
+  static constexpr int bodies = N;
+  static_assert(Net::input_size == Code::inputs && Net::output_size == Code::outputs,
+                "a Predictor of N bodies needs a network from N x 19 to N x 13 numbers");
+
+  Net network;
+  Normalizer<Scalar, Code::inputs> input{};
+  Normalizer<Scalar, Code::outputs> output{};
+  FreeFlow<N> flow;
+  Target target = Target::residual;
+  double horizon = 0.02;  ///< s
+
+  /// The state `horizon` later, under these constant wrenches. Bodies from `present` on are absent.
+  State predict(const State& state, const Wrenches& wrench, int present = N) const noexcept {
+    const auto y = output.restore(network.forward(encode(state, wrench, present)));
+    State next = Code::sum(base(state, wrench),
+                           typename Code::template Output<double>(y.template cast<double>()), present);
+    for (int b = present; b < N; ++b) next[b] = state[b];
+    return next;
+  }
+
+  /// Predictions of predictions: fills `states` with the states 1, 2, ... horizons later.
+  template <class States>
+  void rollout(State state, const Wrenches& wrench, States& states, int present = N) const noexcept {
+    for (auto& next : states) next = state = predict(state, wrench, present);
+  }
+
+  /// The network's normalised input; what it is trained on.
+  typename Net::Input encode(const State& state, const Wrenches& wrench, int present) const noexcept {
+    typename Net::Input x = input.normalize(Code::encode(state, wrench, present).template cast<Scalar>());
+    x.tail(19 * (N - present)).setZero();
+    return x;
+  }
+
+  /// What the network's output is added to.
+  State base(const State& state, const Wrenches& wrench) const noexcept {
+    if (target == Target::residual) return flow(state, wrench, horizon);
+    State zero;
+    for (auto& body : zero.body) body.orientation = {0, 0, 0, 0};
+    return zero;
+  }
+
+  /// What the network should say for `truth`, not normalised. A state's quaternion is put on the side of the
+  /// start's.
+  typename Code::template Output<double> wanted(const State& state, const Wrenches& wrench, State truth,
+                                                int present) const noexcept {
+    if (target == Target::state) {
+      for (int b = 0; b < present; ++b) {
+        const auto q = Code::encode(state, wrench, present).template segment<4>(19 * b + 3).eval();
+        auto to = truth[b].vector().template segment<4>(3);
+        if (to.dot(q) < 0) to *= -1.0;
+      }
+    }
+    const State from = base(state, wrench);
+    auto y = Code::difference(truth, from, present);
+    return y;
+  }
+};
+
+/// The paper's predictor: a residual network of width 256.
+template <class Scalar, int Blocks, int N = 5>
+using ResidualPredictor =
+    Predictor<ResidualNetwork<Scalar, Encoding<N>::inputs, 256, Blocks, Encoding<N>::outputs>, N>;
+
+}  // namespace rbres

@@ -1,0 +1,81 @@
+#pragma once
+
+#include <rbres/core/pack.hpp>
+#include <rbres/core/parallel.hpp>
+#include <rbres/sim/simulate.hpp>
+
+namespace rbres {
+
+namespace detail {
+inline bool mask_lane(bool mask, int) { return mask; }
+template <class T, int N>
+bool mask_lane(const LaneMask<T, N>& mask, int lane) {
+  return mask[lane];
+}
+}  // namespace detail
+
+/// What an observer of a batch hears: one scenario at one sample.
+template <class T, int N>
+struct BatchSample {
+  std::ptrdiff_t scenario;
+  long sample;  ///< 0 is the start
+  double time;  ///< s
+  SystemState<T, N> state;
+  long impacts;   ///< approaches answered so far
+  long overruns;  ///< steps so far that met the event cap
+  bool finite;    ///< false: the state is the last good one
+};
+
+/// Simulates scenarios 0 ... count - 1 of one system, one scenario per lane of S (a Pack, or a plain scalar),
+/// over `threads` threads (0: default_threads()). start(i) gives scenario i's state; forces(lanes) the force
+/// model of the scenarios in lanes[0], lanes[1], ... as it acts on S (scenarios past the end repeat the last
+/// one); observe(BatchSample) is called at the start, at every sample and at the end, from several threads at
+/// once but for one scenario never twice at the same time. No bit of the result depends on the threads.
+/// Throws Error for options and starts that make no sense.
+template <class S, class T, int N, class Shape, class Start, class MakeForces, class Integrator,
+          class Observe>
+void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, const Start& start,
+                    const MakeForces& forces, const Integrator& integrator, const SimulationOptions& options,
+                    const Observe& observe, int threads = 0) {
+  using Value = typename ScalarTraits<S>::Value;
+  static_assert(std::is_same_v<Value, T>, "the lanes hold numbers of the system's scalar");
+  constexpr int L = ScalarTraits<S>::lanes;
+  options.check();
+  const auto lanes_system = system.template cast<S>();
+  using Lanes = std::decay_t<decltype(lanes_system)>;
+  const double step = whole_step(options);
+  const long per_sample =
+      options.sample_rate > 0 ? std::max(1L, std::lround(1 / (options.sample_rate * step))) : 1;
+  const long total = std::lround(options.duration / step);
+  const std::ptrdiff_t blocks = (count + L - 1) / L;
+
+  parallel_for(blocks, threads, [&](std::ptrdiff_t block) {
+    std::array<std::ptrdiff_t, L> index;
+    typename Lanes::State y;
+    for (int l = 0; l < L; ++l) {
+      index[static_cast<std::size_t>(l)] = std::min(block * L + l, count - 1);
+      set_lane(y, l, start(index[static_cast<std::size_t>(l)]));
+    }
+    const auto model = forces(std::as_const(index));
+    Stepper<Lanes, std::decay_t<decltype(model)>, Integrator> stepper(lanes_system, model, integrator,
+                                                                      options);
+    const auto look = [&](long sample, double time) {
+      for (int l = 0; l < L && block * L + l < count; ++l) {
+        const auto tally = [&](const S& x) {
+          return std::lround(static_cast<double>(ScalarTraits<S>::lane(x, l)));
+        };
+        observe(BatchSample<T, N>{index[static_cast<std::size_t>(l)], sample, time, lane(y, l),
+                                  tally(stepper.tally().impacts), tally(stepper.tally().overruns),
+                                  detail::mask_lane(stepper.finite(), l)});
+      }
+    };
+    look(0, 0);
+    for (long k = 0; k < total; ++k) {
+      stepper.step(y, as<S>(static_cast<double>(k) * step), as<S>(step));
+      if ((k + 1) % per_sample == 0 || k + 1 == total)
+        look((k + per_sample) / per_sample, static_cast<double>(k + 1) * step);
+    }
+  });
+}
+
+}  // namespace rbres

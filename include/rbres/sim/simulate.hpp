@@ -1,0 +1,186 @@
+#pragma once
+
+#include <rbres/sim/continuous_contact.hpp>
+#include <utility>
+
+namespace rbres {
+
+/// How a run ended.
+enum class SimulationStatus {
+  finished,    ///< all of the duration was simulated
+  stopped,     ///< the observer returned false
+  non_finite,  ///< a number became infinite or NaN; the state is the last good one
+};
+
+struct SimulationReport {
+  SimulationStatus status = SimulationStatus::finished;
+  long steps = 0;     ///< steps done
+  double time = 0;    ///< simulated, s
+  long impacts = 0;   ///< approaches answered by an impulse
+  long touching = 0;  ///< discrete contacts: touching pairs, summed over steps
+  long overruns = 0;  ///< steps that met the event cap
+  int bad_body = -1;  ///< the first body whose state was not finite
+};
+
+/// Takes a system's state forward, step by step: what simulate does, for a program that has its own loop.
+/// Allocates when it is built and never after.
+template <class System, class Model, class Integrator>
+class Stepper {
+  using S = typename System::Scalar;
+
+ public:
+  using State = typename System::State;
+
+  /// Throws Error for options that make no sense. `system` must outlive the stepper.
+  Stepper(const System& system, const Model& forces, const Integrator& integrator,
+          const SimulationOptions& options)
+      : system_(system),
+        forces_(forces),
+        integrator_(integrator),
+        options_(options),
+        continuous_(system, options) {
+    options.check();
+  }
+
+  /// y at t becomes y at t + h. Returns the first body that is no longer finite, or -1; then y is as it was
+  /// in the lanes where it happened.
+  template <class Observer>
+  int step(State& y, const S& t, const S& h, Observer& observer) {
+    const State before = y;
+    if (options_.contacts == ContactMode::continuous) {
+      continuous_.step(forces_, integrator_, y, t, h, observer, tally_);
+    } else {
+      fly_on(system_, forces_, integrator_, y, t, h);
+      detail::meet_all(system_, before, y, as<S>(options_.rest_speed), tally_);
+    }
+    return keep_finite(before, y);
+  }
+  int step(State& y, const S& t, const S& h) {
+    struct None {
+    } none;
+    return step(y, t, h, none);
+  }
+
+  const ContactTally<S>& tally() const { return tally_; }
+  /// Where every state so far was finite, lane by lane.
+  const MaskOf<S>& finite() const { return finite_; }
+
+ private:
+  int keep_finite(const State& before, State& y) {
+    S sum(0);
+    for (const RigidState<S>& body : y.body) sum += component_sum(body);
+    const MaskOf<S> good = is_finite(sum);
+    if (all(good)) return -1;
+    finite_ = finite_ & good;
+    int bad = 0;
+    for (int i = System::bodies - 1; i >= 0; --i) {
+      if (!all(is_finite(component_sum(y[i])))) bad = i;
+      y[i] = select(good, y[i], before[i]);
+    }
+    return bad;
+  }
+  /// Not finite where one of the numbers is not.
+  static S component_sum(const RigidState<S>& b) {
+    const Quat<S>& q = b.orientation;
+    const Vec3<S> sum = b.position + b.velocity + b.angular_velocity;
+    return (sum.x + sum.y) + (sum.z + q.x) + (q.y + q.z + q.w);
+  }
+
+  const System& system_;
+  Model forces_;
+  Integrator integrator_;
+  SimulationOptions options_;
+  ContinuousContact<System> continuous_;
+  ContactTally<S> tally_;
+  MaskOf<S> finite_{true};
+};
+
+/// Refuses states that no simulation can start from: numbers that are not finite, quaternions that are not
+/// unit (off by more than 1e-3), bodies that overlap by more than a thousandth of the smaller one's bounding
+/// radius. Small overlaps stay: they part without gaining energy.
+template <class System>
+void check_state(const System& system, const typename System::State& y) {
+  using S = typename System::Scalar;
+  for (int i = 0; i < System::bodies; ++i) {
+    const auto numbers = y[i].vector();
+    for (int k = 0; k < numbers.size(); ++k) {
+      if (!is_finite(numbers(k)))
+        detail::refuse(detail::text("body ", i, ", state component ", k), "a finite number", numbers(k));
+    }
+    const S length = std::sqrt(squared_norm(y[i].orientation));
+    if (!(std::abs(length - S(1)) < as<S>(1e-3))) {
+      detail::refuse(detail::text("body ", i, ", orientation"), "a unit quaternion",
+                     detail::text("one of length ", length));
+    }
+  }
+  const auto check_pair = [&](int first, int second) {
+    detail::with_manifold(system, y, first, second, [&](const auto& m, auto) {
+      S size = system[second].bounding_radius();
+      if (first >= 0) size = std::min(size, system[first].bounding_radius());
+      if (m.separation < as<S>(-1e-3) * size) {
+        const auto other = first < 0 ? detail::text("plane ", -1 - first) : detail::text("body ", first);
+        detail::refuse(detail::text("body ", second, " and ", other), "surfaces apart or touching",
+                       detail::text("an overlap of ", -m.separation, " m"));
+      }
+    });
+  };
+  for (int i = 0; i < System::bodies; ++i) {
+    for (std::size_t p = 0; p < system.planes().size(); ++p) check_pair(-1 - static_cast<int>(p), i);
+    for (int j = i + 1; j < System::bodies; ++j) check_pair(i, j);
+  }
+}
+
+/// Simulates `state` over options.duration (s) and leaves it at the end. `observer` is callable as (time,
+/// state) and may return false to stop; it sees the start, every sample and the end, and changes no bit of
+/// the result: between samples lies a whole number of steps, of options.step or slightly less. It may also
+/// have impact(time, before, after), see ContinuousContact. Throws Error for options and states that make no
+/// sense.
+template <class System, class Model, class Integrator, class Observer>
+SimulationReport simulate(const System& system, typename System::State& state, const Model& forces,
+                          const Integrator& integrator, const SimulationOptions& options,
+                          Observer&& observer) {
+  using S = typename System::Scalar;
+  static_assert(std::is_floating_point_v<S>, "simulate runs one scenario; simulate_batch runs many in lanes");
+  Stepper<System, Model, Integrator> stepper(system, forces, integrator, options);
+  check_state(system, state);
+  SimulationReport report;
+  const double step = whole_step(options);
+  const long per_sample =
+      options.sample_rate > 0 ? std::max(1L, std::lround(1 / (options.sample_rate * step))) : 1;
+  const long total = std::lround(options.duration / step);
+  const auto look = [&](double time) {
+    if constexpr (std::is_invocable_r_v<bool, Observer&, double, const typename System::State&>) {
+      return static_cast<bool>(observer(time, std::as_const(state)));
+    } else if constexpr (std::is_invocable_v<Observer&, double, const typename System::State&>) {
+      observer(time, std::as_const(state));
+      return true;
+    } else {
+      return true;
+    }
+  };
+  bool going = look(0.0);
+  for (; report.steps < total && going;) {
+    report.bad_body = stepper.step(state, S(static_cast<double>(report.steps) * step), S(step), observer);
+    if (report.bad_body >= 0) {
+      report.status = SimulationStatus::non_finite;
+      break;
+    }
+    ++report.steps;
+    if (report.steps % per_sample == 0 || report.steps == total)
+      going = look(static_cast<double>(report.steps) * step);
+  }
+  if (!going) report.status = SimulationStatus::stopped;
+  report.time = static_cast<double>(report.steps) * step;
+  report.impacts = std::lround(static_cast<double>(stepper.tally().impacts));
+  report.touching = std::lround(static_cast<double>(stepper.tally().touching));
+  report.overruns = std::lround(static_cast<double>(stepper.tally().overruns));
+  return report;
+}
+
+template <class System, class Model, class Integrator>
+SimulationReport simulate(const System& system, typename System::State& state, const Model& forces,
+                          const Integrator& integrator, const SimulationOptions& options) {
+  return simulate(system, state, forces, integrator, options, [](double, const auto&) {});
+}
+
+}  // namespace rbres

@@ -1,0 +1,6 @@
+#include "../io_read_all.hpp"
+#include "input_file.hpp"
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  return fuzz_reader(data, size, [](const auto& path) { read_all_tensors(path); });
+}

@@ -1,0 +1,225 @@
+#include "io_support.hpp"
+
+#include <cstring>
+#include <limits>
+
+#include <rbres/io/export_header.hpp>
+#include <rbres/io/model.hpp>
+#include <rbres/nn/residual_network.hpp>
+
+using namespace rbres;
+
+namespace {
+
+using Small = Network<
+    float, Sequential<Linear<3, 5>, Tanh, Residual<Linear<5, 4>, Relu, Dropout, Linear<4, 5>>, Linear<5, 2>>>;
+
+struct Doubling {
+  static constexpr std::string_view name = "mine::Doubling";
+  template <class T>
+  static T value(const T& x) {
+    return x + x;
+  }
+  template <class T>
+  static T slope(const T&) {
+    return T{} + 2;
+  }
+};
+
+/// Layers counted as PyTorch counts them, numbers row by row.
+struct Tensors {
+  Eigen::Matrix<float, 5, 3, Eigen::RowMajor> first = decltype(first)::Random();
+  Eigen::Matrix<float, 4, 5, Eigen::RowMajor> inner = decltype(inner)::Random();
+  Eigen::Matrix<float, 5, 4, Eigen::RowMajor> outer = decltype(outer)::Random();
+  Eigen::Matrix<float, 2, 5, Eigen::RowMajor> last = decltype(last)::Random();
+  Eigen::Vector<float, 5> first_bias = decltype(first_bias)::Random(),
+                          outer_bias = decltype(outer_bias)::Random();
+  Eigen::Vector<float, 4> inner_bias = decltype(inner_bias)::Random();
+  Eigen::Vector<float, 2> last_bias = decltype(last_bias)::Random();
+
+  void add_to(SafetensorsWriter& file) const {
+    file.add("0.weight", {5, 3}, first.data());
+    file.add("0.bias", {5}, first_bias.data());
+    file.add("2.0.weight", {4, 5}, inner.data());
+    file.add("2.0.bias", {4}, inner_bias.data());
+    file.add("2.3.weight", {5, 4}, outer.data());
+    file.add("2.3.bias", {5}, outer_bias.data());
+    file.add("3.weight", {2, 5}, last.data());
+    file.add("3.bias", {2}, last_bias.data());
+  }
+  Eigen::Vector2f forward(const Eigen::Vector3f& x) const {
+    const Eigen::VectorXf a = (first * x + first_bias).array().tanh();
+    return last * (a + outer * (inner * a + inner_bias).cwiseMax(0.0f) + outer_bias) + last_bias;
+  }
+};
+
+template <class Model>
+bool same_bits(const Model& a, const Model& b) {
+  return std::memcmp(a.parameters().data(), b.parameters().data(), a.parameters().size_bytes()) == 0;
+}
+
+/// A network with something besides: what a predictor is.
+struct Scaled {
+  Small network;
+  float scale;
+};
+
+}  // namespace
+
+template <>
+struct rbres::ModelFormat<Scaled> {
+  static void write(SafetensorsWriter& file, const Scaled& model) {
+    ModelFormat<Small>::write(file, model.network);
+    file.add("scale", {}, &model.scale);
+  }
+  static Scaled read(const SafetensorsReader& file) {
+    Scaled model{ModelFormat<Small>::read(file), 0};
+    file.read("scale", {}, &model.scale);
+    return model;
+  }
+};
+
+TEST_CASE_TEMPLATE("round trip to the bit", Model, Small, ResidualNetwork<float, 7, 20, 3, 5>,
+                   ResidualNetwork<double, 7, 20, 3, 5>,
+                   Network<double, Sequential<Linear<1, 1>, Doubling, Silu>>) {
+  const TemporaryFolder folder;
+  const auto path = folder / "model.safetensors";
+  const Model model(42);
+  save(path, model, {{"author", "me"}});
+  CHECK(same_bits(load<Model>(path), model));
+  const SafetensorsReader file(path);
+  CHECK(file.metadata().at("author") == "me");
+  CHECK(file.metadata().at("scalar") == (sizeof(typename Model::Scalar) == 4 ? "float32" : "float64"));
+  std::size_t numbers = 0;
+  for (const auto& [name, tensor] : file.tensors()) numbers += tensor.offsets[1] - tensor.offsets[0];
+  CHECK(numbers == Model::parameter_count * sizeof(typename Model::Scalar));
+}
+
+TEST_CASE("names, shapes and order are PyTorch's") {
+  const TemporaryFolder folder;
+  const auto path = folder / "model.safetensors";
+  const Tensors tensors;
+  SafetensorsWriter writer;
+  tensors.add_to(writer);
+  writer.metadata["format"] = "pt";
+  writer.write(path);
+  const auto model = load<Small>(path);
+  for (int i = 0; i < 10; ++i) {
+    const Eigen::Vector3f x = Eigen::Vector3f::Random();
+    CHECK((model.forward(x) - tensors.forward(x)).norm() < 1e-5f);
+  }
+  save(path, model);
+  const SafetensorsReader file(path);
+  CHECK(file.tensors().size() == 8);
+  auto inner = tensors.inner;
+  file.read("2.0.weight", {4, 5}, inner.setZero().data());
+  CHECK(inner == tensors.inner);
+  CHECK(
+      file.metadata().at("architecture") ==
+      "rbres::Sequential<rbres::Linear<3, 5>, rbres::Tanh, rbres::Residual<rbres::Linear<5, 4>, rbres::Relu, "
+      "rbres::Dropout, rbres::Linear<4, 5>>, rbres::Linear<5, 2>>");
+}
+
+TEST_CASE("a model of other sizes is refused with both") {
+  const TemporaryFolder folder;
+  const auto path = folder / "model.safetensors";
+  save(path, ResidualNetwork<float, 7, 20, 3, 5>(1));
+  const std::string error = error_of([&] { load<ResidualNetwork<float, 7, 20, 4, 5>>(path); });
+  CHECK(contains(error, path.string() + ": metadata 'architecture': expected 'rbres::Sequential"));
+  CHECK(contains(error, "4 x rbres::Residual<rbres::Linear<20, 20>"));
+  CHECK(contains(error, "found 'rbres::Sequential"));
+  CHECK(contains(error, "3 x rbres::Residual<rbres::Linear<20, 20>"));
+  CHECK(contains(error_of([&] { load<ResidualNetwork<double, 7, 20, 3, 5>>(path); }),
+                 "metadata 'scalar': expected 'float64', found 'float32'"));
+
+  SafetensorsWriter foreign;
+  const Tensors tensors;
+  tensors.add_to(foreign);
+  CHECK_NOTHROW(foreign.write(path));
+  using Wider = Network<float, Sequential<Linear<3, 6>, Tanh, Linear<6, 2>>>;
+  CHECK(contains(error_of([&] { load<Wider>(path); }),
+                 "tensor '0.weight': expected shape [6, 3], found [5, 3]"));
+  using Shorter = Network<float, Sequential<Linear<3, 5>, Tanh>>;
+  CHECK(contains(error_of([&] { load<Shorter>(path); }), "expected the 2 tensors of rbres::Sequential"));
+  using Longer = Network<float, Sequential<Linear<3, 5>, Tanh, Linear<5, 5>, Linear<5, 2>>>;
+  CHECK(contains(error_of([&] { load<Longer>(path); }), "tensor '2.weight' is missing"));
+}
+
+TEST_CASE("a changed weight is found by the probes") {
+  const TemporaryFolder folder;
+  const auto path = folder / "model.safetensors";
+  save(path, Small(42));
+  std::string bytes = read_bytes(path);
+  const float wrong = 3;
+  std::memcpy(bytes.data() + bytes.size() - 4, &wrong, 4);
+  write_bytes(path, bytes);
+  CHECK(contains(error_of([&] { load<Small>(path); }),
+                 "outputs for the stored inputs: expected an error of at most"));
+}
+
+TEST_CASE("numbers that are not finite are neither saved nor loaded") {
+  const TemporaryFolder folder;
+  const auto path = folder / "model.safetensors";
+  Small model(42);
+  save(path, model);
+  std::string bytes = read_bytes(path);
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  std::memcpy(bytes.data() + bytes.size() - 4, &nan, 4);
+  write_bytes(folder / "nan", bytes);
+  CHECK(contains(error_of([&] { load<Small>(folder / "nan"); }), "expected finite numbers, found nan"));
+  model.parameters()[0] = nan;
+  CHECK(contains(error_of([&] { save(path, model); }), "expected finite numbers, found nan"));
+  CHECK(same_bits(load<Small>(path), Small(42)));
+}
+
+TEST_CASE("more rides along in the same file") {
+  const TemporaryFolder folder;
+  const auto path = folder / "model.safetensors";
+  save(path, Scaled{Small(42), 2.5f}, {{"horizon", "0.1"}});
+  const auto model = load<Scaled>(path);
+  CHECK(same_bits(model.network, Small(42)));
+  CHECK(model.scale == 2.5f);
+  CHECK(same_bits(load<Small>(path), Small(42)));
+  save(path, Small(42));
+  CHECK(contains(error_of([&] { load<Scaled>(path); }), "tensor 'scale' is missing"));
+  CHECK(contains(error_of([&] { save(path, Small(42), {{"scalar", "mine"}}); }), "found 'scalar'"));
+}
+
+TEST_CASE("malformed model files are refused") {
+  const TemporaryFolder folder;
+  const auto path = folder / "model.safetensors";
+  using Tiny = Network<float, Sequential<Linear<1, 2>, Relu>>;
+  save(path, Tiny(42));
+  const std::string valid = read_bytes(path);
+  const auto replaced = [&](const std::string& from, const std::string& to) {
+    REQUIRE(from.size() == to.size());
+    std::string bytes = valid;
+    bytes.replace(bytes.find(from), from.size(), to);
+    write_bytes(path, bytes);
+    return error_of([&] { load<Tiny>(path); });
+  };
+  CHECK(contains(replaced("\"probe_inputs", "\"probe_in_uts"),
+                 "metadata 'probe_inputs': expected 3 finite numbers, found none"));
+  const std::size_t at = valid.find("probe_inputs\":\"") + 15;
+  CHECK(contains(replaced(valid.substr(at, 3), "x.0"), "metadata 'probe_inputs': expected 3 finite numbers"));
+  CHECK(contains(replaced(valid.substr(at, 3), "nan"), "metadata 'probe_inputs': expected 3 finite numbers"));
+  CHECK(contains(replaced(valid.substr(at, 5), "0 0 0"),
+                 "metadata 'probe_inputs': expected 3 finite numbers, found more"));
+  CHECK(contains(replaced("float32", "float64"), "expected 'float32', found 'float64'"));
+  const auto read = [](const auto& p) { load<Tiny>(p); };
+  check_other_lengths_refused(path, valid, read);
+  CHECK(check_changed_bytes(path, valid, read) > 3000);
+}
+
+TEST_CASE("what cannot be exported as a header is refused") {
+  const TemporaryFolder folder;
+  const auto path = folder / "model.hpp";
+  Small model(42);
+  for (const char* name : {"", "3d", "a-b", "a::b", "a b"})
+    CHECK(contains(error_of([&] { export_header(model, path, name); }),
+                   "expected a name of letters, digits and _"));
+  model.parameters()[0] = std::numeric_limits<float>::infinity();
+  CHECK(contains(error_of([&] { export_header(model, path); }),
+                 path.string() + ": tensor '0.weight': expected finite"));
+  CHECK(!std::filesystem::exists(path));
+}
