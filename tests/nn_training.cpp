@@ -255,9 +255,9 @@ TEST_CASE("outputs without weight carry no loss, and their targets change nothin
 }
 
 TEST_CASE("dropout keeps the asked share, scaled so that the mean stays, as a function of the sample") {
-  constexpr std::size_t size = 72, samples = 500;
-  std::vector<double> factors(size * samples), other(factors.size());
-  for (std::size_t r = 0; r < samples; ++r)
+  constexpr std::ptrdiff_t size = 72, samples = 500;
+  std::vector<double> factors(std::size_t{size * samples}), other(factors.size());
+  for (std::ptrdiff_t r = 0; r < samples; ++r)
     detail::fill_dropout({.rate = 0.2, .seed = 1, .step = 2}, 3, size,
                          detail::Panels<double>{factors.data(), samples}, r);
   double sum = 0, zeros = 0;
@@ -269,7 +269,7 @@ TEST_CASE("dropout keeps the asked share, scaled so that the mean stays, as a fu
   CHECK(zeros == doctest::Approx(0.2).epsilon(0.05));
   CHECK(sum == doctest::Approx(1).epsilon(0.02));
 
-  for (std::size_t r = samples; r-- > 0;)
+  for (std::ptrdiff_t r = samples; r-- > 0;)
     detail::fill_dropout({.rate = 0.2, .seed = 1, .step = 2}, 3, size,
                          detail::Panels<double>{other.data(), samples}, r);
   CHECK(factors == other);

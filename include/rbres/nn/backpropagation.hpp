@@ -23,8 +23,8 @@ class Backpropagation {
  public:
   /// For batches of up to `batch` samples.
   explicit Backpropagation(Eigen::Index batch)
-      : capacity_(static_cast<std::size_t>(((batch + 7) / 8 | 1) * 8)),  // as Network's chunk
-        values_(capacity_ * Tape::sample_size),
+      : capacity_(((batch + 7) / 8 | 1) * 8),  // as Network's chunk
+        values_(static_cast<std::size_t>(capacity_ * Tape::sample_size)),
         gradients_(values_.size()),
         losses_(static_cast<std::size_t>(batch)) {}
 
@@ -112,8 +112,7 @@ class Backpropagation {
     return value;
   }
 
-  std::size_t capacity_;
-  Eigen::Index count_ = 0;
+  Eigen::Index capacity_, count_ = 0;
   AlignedBuffer<T> values_, gradients_;
   AlignedBuffer<double> losses_;
 };

@@ -48,7 +48,7 @@ inline void philox_blocks(std::uint32_t first, std::uint32_t second, std::uint32
 /// Writes 0 or 1 / (1 - rate) for the features of one sample: sixteen bits of randomness for each.
 template <class T>
 void fill_dropout(const DropoutMask& mask, int stage, int features, Panels<T> factors,
-                  std::size_t sample) noexcept {
+                  std::ptrdiff_t sample) noexcept {
   const auto threshold = static_cast<std::uint32_t>(mask.rate * 65536 + 0.5);
   const T factor[2] = {T{}, static_cast<T>(1 / (1 - threshold / 65536.0))};
   const auto high =
@@ -64,7 +64,7 @@ void fill_dropout(const DropoutMask& mask, int stage, int features, Panels<T> fa
         numbers[w * 32 + 16 + b] = words[w][b] >> 16 < threshold ? factor[0] : factor[1];
       }
     for (int f = first; f < features && f < first + 128; f += lanes<T>)
-      std::copy_n(numbers + (f - first), lanes<T>, factors.at(static_cast<std::size_t>(f), sample));
+      std::copy_n(numbers + (f - first), lanes<T>, factors.at(f, sample));
   }
 }
 

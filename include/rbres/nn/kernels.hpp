@@ -28,12 +28,15 @@ constexpr int padded(int n) {
 template <class T>
 struct Panels {
   T* data;
-  std::size_t columns;  ///< of the whole matrix
-  static constexpr std::size_t length = lanes<std::remove_const_t<T>>;
-  [[gnu::always_inline]] T* at(std::size_t row, std::size_t column) const noexcept {
-    return data + (row / length * columns + column) * length + row % length;
+  std::ptrdiff_t columns;  ///< of the whole matrix
+  [[gnu::always_inline]] T* at(std::ptrdiff_t row, std::ptrdiff_t column) const noexcept {
+    const auto r = static_cast<std::size_t>(row);  // without a sign, division is a shift
+    constexpr std::size_t length = lanes<std::remove_const_t<T>>;
+    return data +
+           (static_cast<std::ptrdiff_t>(r / length) * columns + column) * lanes<std::remove_const_t<T>> +
+           r % length;
   }
-  [[gnu::always_inline]] Panels from(std::size_t row, std::size_t column) const noexcept {
+  [[gnu::always_inline]] Panels from(std::ptrdiff_t row, std::ptrdiff_t column) const noexcept {
     return {at(row, column), columns};
   }
 };
@@ -47,7 +50,7 @@ struct Left {
 /// a(r, k) = x(k, r)
 template <class T>
 Left<T, lanes<T>, 1> columns_as_rows(Panels<const T> x) noexcept {
-  return {x.data, static_cast<std::ptrdiff_t>(x.columns) * lanes<T>};
+  return {x.data, x.columns * lanes<T>};
 }
 /// a(r, k) = x(r, k), for rows of one panel
 template <class T>

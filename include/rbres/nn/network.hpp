@@ -102,7 +102,8 @@ class Network {
   /// Scratch for batches and for derivatives, which the caller keeps; its size does not depend on the batch.
   class Workspace {
    public:
-    Workspace() : numbers_(std::max(chunk * Passes::slots_size, 2 * Tape::sample_size)) {}
+    Workspace()
+        : numbers_(static_cast<std::size_t>(std::max(chunk * Passes::slots_size, 2 * Tape::sample_size))) {}
 
    private:
     friend Network;
@@ -148,7 +149,7 @@ class Network {
 
   /// The prediction for one sample. Allocates nothing.
   Output forward(const Input& x) const noexcept {
-    alignas(64) T slots[Passes::slots_size];
+    alignas(64) T slots[static_cast<std::size_t>(Passes::slots_size)];
     Output y;
     Passes::template put<input_size>(x.data(), Passes::slot(slots, 1, 0), 0);
     Passes::forward(1, parameters_.data(), slots, 1);
@@ -174,7 +175,7 @@ class Network {
     T* slots = workspace.numbers_.data();
     for (Eigen::Index first = 0; first < inputs.cols(); first += chunk) {
       const int count = static_cast<int>(std::min<Eigen::Index>(chunk, inputs.cols() - first));
-      const std::size_t room = count == 1 ? 1 : chunk;
+      const std::ptrdiff_t room = count == 1 ? 1 : chunk;
       for (int c = 0; c < count; ++c)
         Passes::template put<input_size>(inputs.col(first + c).data(), Passes::slot(slots, room, 0), c);
       Passes::forward(count, parameters_.data(), slots, room);
@@ -211,7 +212,7 @@ class Network {
   using Tape = typename Passes::Tape;
   /// Samples that go through all layers while they are in the cache; an odd multiple of 8, so that panels do
   /// not fall into the same few sets of it.
-  static constexpr std::size_t chunk = 104;
+  static constexpr std::ptrdiff_t chunk = 104;
 
   Tape record(const Input& x, Workspace& workspace) const noexcept {
     T* numbers = workspace.numbers_.data();

@@ -44,48 +44,47 @@ struct Passes {
   static constexpr bool output_has_slope = C::stage(C::stage_count - 1).count > 0;
 
   /// Buffers of one sample at inference.
-  static constexpr std::size_t slot_size = padded<T>(C::max_size);
-  static constexpr std::size_t slots_size = slot_size * C::slot_count;
+  static constexpr std::ptrdiff_t slot_size = padded<T>(C::max_size);
+  static constexpr std::ptrdiff_t slots_size = slot_size * C::slot_count;
 
   /// Every value of up to `samples` samples and, beside it, first the slope of the elementwise layers that
   /// made it, then the gradient of their z. Gradient 0 is that of the input.
   struct Tape {
     T* values;
     T* gradients;
-    std::size_t samples;
+    std::ptrdiff_t samples;
     Matrix value(int v) const { return {values + value_offset(v) * samples, samples}; }
     Matrix gradient(int v) const { return {gradients + value_offset(v) * samples, samples}; }
 
-    static constexpr std::size_t value_offset(int v) {
-      std::size_t sum = 0;
-      for (int u = 0; u < v; ++u) sum += static_cast<std::size_t>(padded<T>(C::size(u)));
+    static constexpr std::ptrdiff_t value_offset(int v) {
+      std::ptrdiff_t sum = 0;
+      for (int u = 0; u < v; ++u) sum += padded<T>(C::size(u));
       return sum;
     }
     /// Numbers in the values of one sample, and in its gradients.
-    static constexpr std::size_t sample_size = value_offset(C::stage_count + 1);
+    static constexpr std::ptrdiff_t sample_size = value_offset(C::stage_count + 1);
   };
 
   /// Copies one sample of Size numbers in, with zeros behind it, and out.
   template <int Size>
-  static void put(const T* x, Matrix to, std::size_t sample) noexcept {
+  static void put(const T* x, Matrix to, std::ptrdiff_t sample) noexcept {
     for (int i = 0; i < Size; i += lanes<T>) {
       const int count = std::min(lanes<T>, Size - i);
       std::fill_n(std::copy_n(x + i, count, to.at(i, sample)), lanes<T> - count, T{});
     }
   }
   template <int Size>
-  static void take(Matrix from, std::size_t sample, T* y) noexcept {
+  static void take(Matrix from, std::ptrdiff_t sample, T* y) noexcept {
     for (int i = 0; i < Size; i += lanes<T>)
       std::copy_n(from.at(i, sample), std::min(lanes<T>, Size - i), y + i);
   }
 
   /// Value v at inference, of `samples` samples in all buffers.
-  static Matrix slot(T* slots, std::size_t samples, int v) noexcept {
-    return {slots + static_cast<std::size_t>(C::slots[static_cast<std::size_t>(v)]) * slot_size * samples,
-            samples};
+  static Matrix slot(T* slots, std::ptrdiff_t samples, int v) noexcept {
+    return {slots + C::slots[static_cast<std::size_t>(v)] * slot_size * samples, samples};
   }
   /// Inference of the first `count` samples in slot 0, into slot stage_count.
-  static void forward(int count, const T* parameters, T* slots, std::size_t samples) noexcept {
+  static void forward(int count, const T* parameters, T* slots, std::ptrdiff_t samples) noexcept {
     unrolled<C::stage_count>([&](auto s) {
       constexpr int skip = std::max(C::stage(s).skip, 0);
       stage<s, false>(count, parameters, slot(slots, samples, s), slot(slots, samples, skip),
@@ -94,12 +93,12 @@ struct Passes {
   }
 
   /// Fills values and slopes of samples [first, first + count) of the tape from value 0.
-  static void record(const T* parameters, const Tape& tape, std::size_t first, int count,
+  static void record(const T* parameters, const Tape& tape, std::ptrdiff_t first, int count,
                      const DropoutMask& mask) noexcept {
     unrolled<C::stage_count>([&](auto s) {
       constexpr Stage info = C::stage(s);
       if constexpr (info.has_dropout)
-        for (std::size_t c = first; c < first + count; ++c)
+        for (std::ptrdiff_t c = first; c < first + count; ++c)
           fill_dropout(mask, s, padded<T>(info.outputs), tape.gradient(s + 1), c);
       stage<s, true>(count, parameters, tape.value(s).from(0, first),
                      tape.value(std::max(info.skip, 0)).from(0, first), tape.value(s + 1).from(0, first),
@@ -130,7 +129,7 @@ struct Passes {
 
   /// Turns the slopes of samples [first, first + count) into gradients of every z, from the output's in the
   /// last (reverse mode).
-  static void backward(const T* parameters, const Tape& tape, std::size_t first, int count,
+  static void backward(const T* parameters, const Tape& tape, std::ptrdiff_t first, int count,
                        bool to_input) noexcept {
     unrolled<C::stage_count>([&](auto reversed) {
       constexpr int v =
