@@ -1,21 +1,19 @@
 #pragma once
 
-#include <rbres/nn/nn.hpp>
-
 #include <benchmark/benchmark.h>
-
 #include <time.h>
-#include <algorithm>
 
+#include <algorithm>
 #include <chrono>
+#include <rbres/nn/nn.hpp>
 #include <string>
 #include <vector>
 
 /// What the rows of all libraries share, so that they are measured alike.
-namespace network_rows {
+namespace rbres::bench {
 
 template <int Blocks>
-using Network = rbres::ResidualNetwork<float, 95, 256, Blocks, 65>;
+using Network = ResidualNetwork<float, 95, 256, Blocks, 65>;
 
 /// Seconds of this thread's processor time, which other work on the machine disturbs less than wall time.
 inline double thread_seconds() {
@@ -36,8 +34,8 @@ inline double median(std::vector<double> values) {
 /// Floating-point operations a second of nothing but float multiply-adds in registers, measured over at least
 /// `seconds`. Not inlined, so that it is the same code everywhere.
 [[gnu::noinline]] inline double peak(double seconds) {
-  using Register = rbres::detail::Simd<float>;
-  constexpr int registers = rbres::detail::simd_bytes == 64 ? 24 : 12, rounds = 5000;
+  using Register = detail::Simd<float>;
+  constexpr int registers = detail::simd_bytes == 64 ? 24 : 12, rounds = 5000;
   Register sum[registers]{};
   const Register factor = Register{} + 0.5f, term = Register{} + 1.0f;
   const double start = thread_seconds();
@@ -54,7 +52,7 @@ inline double median(std::vector<double> values) {
 #endif
       }
     }
-    operations += 2.0 * rounds * registers * rbres::detail::simd_width<float>;
+    operations += 2.0 * rounds * registers * detail::simd_width<float>;
     passed = thread_seconds() - start;
   }
   return operations / passed;
@@ -73,8 +71,10 @@ void measure(benchmark::State& state, const std::string& time_counter, double op
     const double start = clock();
     call();
     seconds.push_back(clock() - start);
-    state.SetIterationTime(seconds.back());
-    if (operations > 0) shares.push_back(operations / seconds.back() / peak(seconds.back()));
+    if (operations <= 0) continue;
+    state.PauseTiming();
+    shares.push_back(operations / seconds.back() / peak(seconds.back()));
+    state.ResumeTiming();
   }
   state.counters[time_counter] = 1e6 * median(seconds);
   if (operations > 0) state.counters["peak_share"] = median(shares);
@@ -82,19 +82,20 @@ void measure(benchmark::State& state, const std::string& time_counter, double op
 
 /// Floating-point operations of one sample's forward pass, multiplications and additions of the matrices
 /// alone.
-template <int Blocks>
-inline constexpr double forward_operations = 2.0 * (95 * 256 + 2 * Blocks * 256 * 256 + 256 * 65);
+constexpr double forward_operations(int blocks) {
+  return 2.0 * (95 * 256 + 2 * blocks * 256 * 256 + 256 * 65);
+}
 
 /// "infer/K10/B64/rbres"
 inline std::string infer_row(int blocks, int batch, const std::string& library) {
-  return rbres::detail::text("infer/K", blocks, "/B", batch, "/", library);
+  return detail::text("infer/K", blocks, "/B", batch, "/", library);
 }
 /// "train/K10/B64/T1/rbres"
 inline std::string train_row(int blocks, int batch, int threads, const std::string& library) {
-  return rbres::detail::text("train/K", blocks, "/B", batch, "/T", threads, "/", library);
+  return detail::text("train/K", blocks, "/B", batch, "/T", threads, "/", library);
 }
 
 inline constexpr int infer_batches[] = {1, 8, 64, 256, 1024};
 inline constexpr int train_batches[] = {64, 1024};
 
-}  // namespace network_rows
+}  // namespace rbres::bench
