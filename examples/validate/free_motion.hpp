@@ -48,7 +48,8 @@ inline void drag(Rows& rows) {
       worst(relative(now[0].position.x, start * way));
       worst(relative(now[0].position.z, terminal * t + (start - terminal) * way));
     });
-    rows.push_back({"drag_linear", worst.value(), 1e-10, "relative", "closed form: thrown ball, RK4, 1 ms, 5 s"});
+    rows.push_back(
+        {"drag_linear", worst.value(), 1e-10, "relative", "closed form: thrown ball, RK4, 1 ms, 5 s"});
   }
   {
     const FluidFriction friction{};
@@ -95,9 +96,9 @@ inline void orders(Rows& rows) {
 /// NASA's tumbling brick.
 inline void nesc(Rows& rows) {
   constexpr double degree = std::numbers::pi / 180;
-  const System<double, 1> brick{{Body{Box{0.1, 0.05, 0.03}, 1.0,
-                                      Vec3<double>{nesc_case2::inertia[0], nesc_case2::inertia[1],
-                                                   nesc_case2::inertia[2]}}}};
+  const System<double, 1> brick{
+      {Body{Box{0.1, 0.05, 0.03}, 1.0,
+            Vec3<double>{nesc_case2::inertia[0], nesc_case2::inertia[1], nesc_case2::inertia[2]}}}};
   SystemState<double, 1> y;
   y[0].angular_velocity = degree * Vec3<double>{10, 20, 30};
   Worst rate;
@@ -118,11 +119,11 @@ inline void nesc(Rows& rows) {
   };
   // Turning east about the Earth's axis is turning about local north, the frame's x axis.
   const double east = nesc_case2::earth_rate / degree * 30 + nesc_case2::longitude;
-  const Quat<double> reference = about(0, east) * about(2, nesc_case2::yaw) * about(1, nesc_case2::pitch) *
-                                 about(0, nesc_case2::roll);
+  const Quat<double> reference =
+      about(0, east) * about(2, nesc_case2::yaw) * about(1, nesc_case2::pitch) * about(0, nesc_case2::roll);
   const Quat<double> off = reference.conjugate() * y[0].orientation;
-  rows.push_back({"nesc_case2_attitude", 2 * std::asin(std::min(1.0, norm(off.imaginary()))) / degree, 1e-7, "deg",
-                  "the same, attitude at 30 s"});
+  rows.push_back({"nesc_case2_attitude", 2 * std::asin(std::min(1.0, norm(off.imaginary()))) / degree, 1e-7,
+                  "deg", "the same, attitude at 30 s"});
 }
 
 /// Ten seconds of a thrown, spinning box.
@@ -166,7 +167,8 @@ inline void dzhanibekov(Rows& rows) {
     return flips < 100;
   });
   if (flips < 100) energy_error(NAN);
-  rows.push_back({"dzhanibekov_energy", energy_error.value(), 1e-9, "relative", "kept over 100 flips; RK4, 1 ms"});
+  rows.push_back(
+      {"dzhanibekov_energy", energy_error.value(), 1e-9, "relative", "kept over 100 flips; RK4, 1 ms"});
   rows.push_back(
       {"dzhanibekov_momentum", momentum_error.value(), 1e-9, "relative", "kept over 100 flips; RK4, 1 ms"});
 }

@@ -70,7 +70,8 @@ inline void bounces(Rows& rows) {
     void impact(double, const SystemState<double, 1>&, const SystemState<double, 1>&) { ++bounces; }
   };
   simulate(system, y, Gravity{}, Rk4{}, {.step = 2e-3, .duration = 1000}, Observer{until, bounces});
-  rows.push_back({"bounce_e1_energy", bounces < 1000 ? NAN : error, 1e-9, "relative", "kept over 1,000 bounces"});
+  rows.push_back(
+      {"bounce_e1_energy", bounces < 1000 ? NAN : error, 1e-9, "relative", "kept over 1,000 bounces"});
 }
 
 /// Two spheres of unequal mass and size meet obliquely, with friction: once they stick, once they slide.
@@ -93,9 +94,9 @@ inline void oblique_impact(Rows& rows) {
     const double a = squared_norm(v), b = dot(d, v), c = squared_norm(d) - (r1 + r2) * (r1 + r2);
     const double time = c / (-b + std::sqrt(b * b - a * c));
     const Vec3<double> n = (1 / (r1 + r2)) * (d + time * v);
-    // Newton's restitution along n, Coulomb's friction along the slip; a uniform ball's surface answers a tangential
-    // impulse 7/2 times as much as its centre. Nothing turns a ball in flight, so its spin is compared in the body
-    // frame as it was at the start (orientation identity) and turned by the flight.
+    // Newton's restitution along n, Coulomb's friction along the slip; a uniform ball's surface answers a
+    // tangential impulse 7/2 times as much as its centre. Nothing turns a ball in flight, so its spin is
+    // compared in the body frame as it was at the start (orientation identity) and turned by the flight.
     const Quat<double> q1 = fly(system, no_force, DormandPrince54{1e-15, 1e-16}, y, 0.0, time)[0].orientation;
     const Quat<double> q2 = fly(system, no_force, DormandPrince54{1e-15, 1e-16}, y, 0.0, time)[1].orientation;
     const Vec3<double> w1 = rotate(q1, y[0].angular_velocity), w2 = rotate(q2, y[1].angular_velocity);
@@ -108,7 +109,8 @@ inline void oblique_impact(Rows& rows) {
     const Vec3<double> p = along_n * n - (along_t / norm(slip)) * slip;
     const Vec3<double> turn = cross(n, p);
     const Vec3<double> v1 = y[0].velocity - (1 / m1) * p, v2 = y[1].velocity + (1 / m2) * p;
-    const Vec3<double> s1 = w1 - (r1 / (0.4 * m1 * r1 * r1)) * turn, s2 = w2 - (r2 / (0.4 * m2 * r2 * r2)) * turn;
+    const Vec3<double> s1 = w1 - (r1 / (0.4 * m1 * r1 * r1)) * turn,
+                       s2 = w2 - (r2 / (0.4 * m2 * r2 * r2)) * turn;
 
     simulate(system, y, no_force, Rk4{}, {.step = 1e-3, .duration = 0.4},
              ImpactWatch{[&](double, const auto&, const auto& after) {
@@ -119,8 +121,9 @@ inline void oblique_impact(Rows& rows) {
              }});
     worst(difference(y[1].velocity, v2) / norm(v2));
   }
-  rows.push_back({"oblique_impact", worst.value(), 1e-12, "relative",
-                  "closed form: velocities and spins after; friction 0.05 (slides) and 0.8 (sticks), e = 0.7"});
+  rows.push_back(
+      {"oblique_impact", worst.value(), 1e-12, "relative",
+       "closed form: velocities and spins after; friction 0.05 (slides) and 0.8 (sticks), e = 0.7"});
 }
 
 /// What is kept in an impact: sums over all bodies.
@@ -145,16 +148,19 @@ struct Balance {
 
 /// Random boxes and spheres thrown at one another, N at a time.
 template <int N>
-void cluster(std::uint64_t stream, bool elastic, Worst& linear, Worst& angular, Worst& energy, long& impacts) {
+void cluster(std::uint64_t stream, bool elastic, Worst& linear, Worst& angular, Worst& energy,
+             long& impacts) {
   Random random(2026, stream);
   const auto in = [&](double size) {
-    return Vec3<double>{random.uniform(-size, size), random.uniform(-size, size), random.uniform(-size, size)};
+    return Vec3<double>{random.uniform(-size, size), random.uniform(-size, size),
+                        random.uniform(-size, size)};
   };
   const auto body = [&](int) -> Body<double> {
     const Material<double> material{elastic ? 1.0 : random.uniform(), elastic ? 0.0 : random.uniform()};
     const double mass = random.uniform(0.2, 5);
     if (random.below(2) == 0) return Body{Sphere{random.uniform(0.05, 0.2)}, mass, material};
-    return Body{Box{random.uniform(0.05, 0.2), random.uniform(0.05, 0.2), random.uniform(0.05, 0.2)}, mass, material};
+    return Body{Box{random.uniform(0.05, 0.2), random.uniform(0.05, 0.2), random.uniform(0.05, 0.2)}, mass,
+                material};
   };
   const auto bodies = [&]<std::size_t... I>(std::index_sequence<I...>) {
     return std::array<Body<double>, N>{body(static_cast<int>(I))...};
@@ -165,7 +171,8 @@ void cluster(std::uint64_t stream, bool elastic, Worst& linear, Worst& angular, 
     // On a ring, so that none touches another at the start, and towards its middle.
     const double angle = 2 * std::numbers::pi * i / N;
     y[i].position = Vec3<double>{0.65 * std::cos(angle), 0.65 * std::sin(angle), 0} + in(0.02);
-    y[i].orientation = normalized(Quat<double>{random.normal(), random.normal(), random.normal(), random.normal()});
+    y[i].orientation =
+        normalized(Quat<double>{random.normal(), random.normal(), random.normal(), random.normal()});
     y[i].velocity = (-random.uniform(2, 5)) * y[i].position + in(0.3);
     y[i].angular_velocity = in(5);
   }
@@ -193,7 +200,8 @@ inline void momentum(Rows& rows) {
     if (i % 3 == 2) run(std::integral_constant<int, 5>{});
   }
   if (impacts < clusters || elastic_impacts < clusters) linear(NAN);
-  const auto scene = detail::text("per impact; 1,000 clusters of 3-5 boxes and spheres, ", impacts, " impacts");
+  const auto scene =
+      detail::text("per impact; 1,000 clusters of 3-5 boxes and spheres, ", impacts, " impacts");
   const auto elastic = detail::text("1,000 clusters with e = 1, no friction, ", elastic_impacts, " impacts");
   rows.push_back({"momentum_linear", linear.value(), 1e-11, "relative", scene + ", and " + elastic});
   rows.push_back({"momentum_angular", angular.value(), 1e-11, "relative", "the same"});
@@ -213,7 +221,8 @@ inline void cradle(Rows& rows) {
   Worst worst;
   for (int i = 0; i < 4; ++i) worst(norm(y[i].velocity) / speed);
   worst(difference(y[4].velocity, {speed, 0, 0}) / speed);
-  rows.push_back({"cradle", worst.value(), 1e-6, "relative", "five spheres, gaps 1e-3 radii, e = 1: the last takes it all"});
+  rows.push_back({"cradle", worst.value(), 1e-6, "relative",
+                  "five spheres, gaps 1e-3 radii, e = 1: the last takes it all"});
 }
 
 inline void impacts(Rows& rows) {

@@ -5,7 +5,8 @@
 /// as published with nasa/simupy-flight.
 namespace validate::nesc_case2 {
 
-inline constexpr double inertia[3] = {0.001894220, 0.006211019, 0.007194665};  ///< slug ft^2; torque-free: any unit
+inline constexpr double inertia[3] = {0.001894220, 0.006211019,
+                                      0.007194665};  ///< slug ft^2; torque-free: any unit
 
 /// Body rates (roll, pitch, yaw) at 0, 3, ..., 30 s, deg/s.
 inline constexpr double rates[11][3] = {
@@ -23,7 +24,8 @@ inline constexpr double rates[11][3] = {
 };
 
 /// At 30 s: Euler angles from the local north-east-down frame, and where that frame is, deg.
-inline constexpr double yaw = -4.28935504226, pitch = -3.81965492189, roll = -56.1513075938, longitude = 5.74552213287E-5;
+inline constexpr double yaw = -4.28935504226, pitch = -3.81965492189, roll = -56.1513075938,
+                        longitude = 5.74552213287E-5;
 inline constexpr double earth_rate = 7.292115e-5;  ///< rad/s
 
 }  // namespace validate::nesc_case2

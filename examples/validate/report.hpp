@@ -33,10 +33,11 @@ class Worst {
 };
 
 inline void print_table(const Rows& rows, std::FILE* out) {
-  std::fprintf(out, "%-28s %11s %9s  %-10s %-5s %s\n", "name", "measured", "bound", "unit", "pass", "reference");
+  std::fprintf(out, "%-28s %11s %9s  %-10s %-5s %s\n", "name", "measured", "bound", "unit", "pass",
+               "reference");
   for (const Row& r : rows) {
-    std::fprintf(out, "%-28s %11.3e %9.1e  %-10s %-5s %s\n", r.name.c_str(), r.measured, r.bound, r.unit.c_str(),
-                 r.pass() ? "yes" : "NO", r.reference.c_str());
+    std::fprintf(out, "%-28s %11.3e %9.1e  %-10s %-5s %s\n", r.name.c_str(), r.measured, r.bound,
+                 r.unit.c_str(), r.pass() ? "yes" : "NO", r.reference.c_str());
   }
 }
 
@@ -47,11 +48,12 @@ inline void print_json(const Rows& rows, std::FILE* out) {
     // JSON has no NaN.
     char measured[32] = "null";
     if (std::isfinite(r.measured)) std::snprintf(measured, sizeof measured, "%.17g", r.measured);
-    std::fprintf(out,
-                 "%s  {\"name\": \"%s\", \"measured\": %s, \"bound\": %.17g, \"unit\": \"%s\", \"reference\": \"%s\", "
-                 "\"pass\": %s}",
-                 separator, r.name.c_str(), measured, r.bound, r.unit.c_str(), r.reference.c_str(),
-                 r.pass() ? "true" : "false");
+    std::fprintf(
+        out,
+        "%s  {\"name\": \"%s\", \"measured\": %s, \"bound\": %.17g, \"unit\": \"%s\", \"reference\": \"%s\", "
+        "\"pass\": %s}",
+        separator, r.name.c_str(), measured, r.bound, r.unit.c_str(), r.reference.c_str(),
+        r.pass() ? "true" : "false");
     separator = ",\n";
   }
   std::fprintf(out, "\n]\n");

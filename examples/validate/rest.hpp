@@ -9,7 +9,8 @@ inline void rolling(Rows& rows) {
   constexpr double g = 9.81, speed = 3;
   {
     const Material<double> material{0.5, 0.3};
-    const System<double, 1, Sphere<double>> system{{Body{Sphere{0.1}, 1.0, material}}, {floor_plane(material)}};
+    const System<double, 1, Sphere<double>> system{{Body{Sphere{0.1}, 1.0, material}},
+                                                   {floor_plane(material)}};
     SystemState<double, 1> y;
     y[0].position.z = 0.1;
     y[0].velocity.x = speed;
@@ -17,12 +18,14 @@ inline void rolling(Rows& rows) {
     Worst worst;
     worst(relative(y[0].velocity.x, 5.0 / 7 * speed));
     worst(relative(y[0].angular_velocity_world().y * 0.1, 5.0 / 7 * speed));
-    rows.push_back({"rolling_sphere", worst.value(), 1e-6, "relative", "slides, then rolls at 5/7 of its speed"});
+    rows.push_back(
+        {"rolling_sphere", worst.value(), 1e-6, "relative", "slides, then rolls at 5/7 of its speed"});
   }
   {
     const double mu = 0.4;
     const Material<double> material{0.5, mu};
-    const System<double, 1, Box<double>> system{{Body{Box{0.2, 0.2, 0.05}, 1.0, material}}, {floor_plane(material)}};
+    const System<double, 1, Box<double>> system{{Body{Box{0.2, 0.2, 0.05}, 1.0, material}},
+                                                {floor_plane(material)}};
     SystemState<double, 1> y;
     y[0].position.z = 0.05;
     y[0].velocity.x = speed;
@@ -43,7 +46,8 @@ inline void resting(Rows& rows) {
   for (int i = 0; i < N; ++i) {
     y[i].position = {0.8 * i, 0, 0.5 + 0.1 * i};
     if (i < 3) {  // a ball that spins would roll for ever
-      y[i].orientation = normalized(Quat<double>{random.normal(), random.normal(), random.normal(), random.normal()});
+      y[i].orientation =
+          normalized(Quat<double>{random.normal(), random.normal(), random.normal(), random.normal()});
       y[i].angular_velocity = {random.normal(), random.normal(), random.normal()};
     }
   }
@@ -61,8 +65,9 @@ inline void resting(Rows& rows) {
       }
     }
   });
-  rows.push_back({"resting_drift", drift.value(), 1e-6, "m",
-                  "boxes and spheres dropped with e = 0.1, one box on another; over 10 s from the fifth second"});
+  rows.push_back(
+      {"resting_drift", drift.value(), 1e-6, "m",
+       "boxes and spheres dropped with e = 0.1, one box on another; over 10 s from the fifth second"});
   rows.push_back({"resting_penetration", depth.value(), 1e-5, "m", "the same"});
 }
 

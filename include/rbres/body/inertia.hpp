@@ -21,6 +21,8 @@ void check_moments(const Vec3<S>& moments, const std::string& what) {
   for (int i = 0; i < 3; ++i) {
     if (!(m[i] > S(0)) || !is_finite(m[i]))
       detail::refuse(what + ", inertia", "three positive moments (kg m^2)", found);
+  }
+  for (int i = 0; i < 3; ++i) {
     // Flat bodies reach equality, so rounding is let through.
     if (m[i] > (m[(i + 1) % 3] + m[(i + 2) % 3]) * (S(1) + S(8) * S(Constants<S>::epsilon))) {
       detail::refuse(what + ", inertia", "no moment larger than the sum of the other two", found);

@@ -11,7 +11,7 @@ namespace rbres {
 template <class S>
 struct Plane {
   Vec3<S> normal{S(0), S(0), S(1)};  ///< unit vector out of the solid, world frame
-  S offset{};                        ///< m
+  S offset = S(0);                    ///< m
   Material<S> material{};
 
   template <class T>

@@ -48,6 +48,7 @@ struct ContactPair {
   Surface<S> surface;
   S size;        ///< the smaller bounding radius, m
   S touch;       ///< points closer than this touch, m
+  S near;        ///< slow points closer than this are held, m
   S rest_speed;  ///< slower impacts do not bounce, m/s
   S still;       ///< points that open slower than this do not part, m/s
 

@@ -41,6 +41,7 @@ class HeldContacts {
       row.key = key(pair.who, i);
       row.active = pair.held[i];
       row.gap = pair.manifold.gap[i];
+      row.leaving = maximum(pair.speed[i], S(0));
       row.friction = pair.surface.friction;
       const Vec3<S>&normal = pair.manifold.normal, &point = pair.manifold.point[i];
       if (pair.plane()) {
@@ -65,8 +66,10 @@ class HeldContacts {
       with(row, motion, [&](auto& point, auto& a, auto& b) { point.start(impulse, a, b); });
     }
   }
-  void remember(const S& duration) {
-    const S rate = S(1) / select(duration > S(0), duration, S(1));
+  /// Keeps the forces for the next step; those over less than `shortest` (s) are rounding, and dropped.
+  void remember(const S& duration, const S& shortest) {
+    const MaskOf<S> lasts = duration > shortest;
+    const S rate = select(lasts, S(S(1) / select(lasts, duration, S(1))), S(0));
     last_.clear();
     for (const Row& row : rows_) {
       const auto& impulse = row.who.first < 0 ? row.fixed.impulse() : row.free.impulse();
@@ -75,8 +78,37 @@ class HeldContacts {
   }
 
   /// Changes the velocities in `motion` until no held point approaches; less `pull` (1/s) times its gap, so
-  /// that gaps close and overlaps part. Only in the lanes `where`.
-  void relax(Motions& motion, const S& pull, const MaskOf<S>& where) {
+  /// that gaps close and overlaps part. With `landing`, a point may come back as fast as it left: its gap
+  /// over the time between is then none. Only in the lanes `where`.
+  void relax(Motions& motion, const S& pull, const MaskOf<S>& where, bool landing) {
+    // Friction comes second: what it answers before the normals agree only slows them down.
+    sweep(motion, where, [&](Row& row, auto& point, auto& a, auto& b, const MaskOf<S>& active) {
+      return point.relax_normal(target(row, pull, landing), active, a, b);
+    });
+    sweep(motion, where, [&](Row& row, auto& point, auto& a, auto& b, const MaskOf<S>& active) {
+      return point.relax(target(row, pull, landing), row.friction, active, a, b);
+    });
+  }
+
+ private:
+  struct Row {
+    Candidate who;
+    long key;
+    MaskOf<S> active;
+    S gap, leaving, friction;
+    ContactPoint<S, false> free;  ///< between two bodies
+    ContactPoint<S, true> fixed;  ///< with a plane
+  };
+  struct Last {
+    long key;
+    std::array<S, 3> force;
+  };
+
+  static S target(const Row& row, const S& pull, bool landing) {
+    return -pull * row.gap - (landing ? row.leaving : S(0));
+  }
+  template <class Relax>
+  void sweep(Motions& motion, const MaskOf<S>& where, const Relax& relax) {
     constexpr int sweeps = 200;
     const S enough = as<S>(Constants<S>::touch / 10);  // m/s
     MaskOf<S> working = where;
@@ -85,27 +117,12 @@ class HeldContacts {
       for (std::size_t k = 0; k < rows_.size(); ++k) {
         Row& row = rows_[sweep % 2 == 0 ? k : rows_.size() - 1 - k];
         with(row, motion, [&](auto& point, auto& a, auto& b) {
-          const MaskOf<S> active = row.active & working;
-          worst = maximum(worst, point.relax(S(-pull * row.gap), row.friction, active, a, b));
+          worst = maximum(worst, relax(row, point, a, b, row.active & working));
         });
       }
       working = working & (worst > enough);
     }
   }
-
- private:
-  struct Row {
-    Candidate who;
-    long key;
-    MaskOf<S> active;
-    S gap, friction;
-    ContactPoint<S, false> free;  ///< between two bodies
-    ContactPoint<S, true> fixed;  ///< with a plane
-  };
-  struct Last {
-    long key;
-    std::array<S, 3> force;
-  };
 
   /// Grows in the order in which pairs are found.
   long key(const Candidate& who, std::size_t point) const {

@@ -48,7 +48,7 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
 
   // A point that overlaps and leaves comes back when it is as deep again. Where two bodies hold one another,
   // their points cannot be told apart: there a new one shows by a depth that held ones never reach.
-  const S allowance = pair.fixed_points() ? S(0) : select(pair.any_held, S(as<S>(100.0) * pair.touch), S(0));
+  const S allowance = pair.fixed_points() ? S(0) : select(pair.any_held, pair.near, S(0));
   const auto lowest = [&](const Pair& p) {
     if (!pair.fixed_points())
       return S(p.manifold.separation - minimum(pair.manifold.separation, S(0)) + allowance);

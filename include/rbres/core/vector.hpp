@@ -10,7 +10,7 @@ namespace rbres {
 /// not follow compiler flags, and they carry packs of lanes; they convert from and to Eigen's vectors.
 template <class S>
 struct Vec3 {
-  S x{}, y{}, z{};
+  S x = S(0), y = S(0), z = S(0);
 
   Vec3() = default;
   constexpr Vec3(const S& x_, const S& y_, const S& z_) : x(x_), y(y_), z(z_) {}
@@ -50,7 +50,7 @@ S squared_norm(const Vec3<S>& a) {
 template <class S>
 [[gnu::always_inline]] inline S norm(const Vec3<S>& a) {
   const S squared = a.x * a.x + (a.y * a.y + (a.z * a.z + S(Constants<S>::tiny)));
-  return positive_square_root(squared);
+  return positive_root(squared);
 }
 template <class S>
 Vec3<S> absolute(const Vec3<S>& a) {
@@ -65,7 +65,7 @@ Vec3<S> select(const MaskOf<S>& m, const Vec3<S>& a, const Vec3<S>& b) {
 /// A Hamilton quaternion, stored x, y, z, w as Eigen's; a unit one turns body vectors into world vectors.
 template <class S>
 struct Quat {
-  S x{}, y{}, z{}, w{1};
+  S x = S(0), y = S(0), z = S(0), w = S(1);
 
   Quat() = default;
   constexpr Quat(const S& x_, const S& y_, const S& z_, const S& w_) : x(x_), y(y_), z(z_), w(w_) {}
@@ -87,7 +87,7 @@ S squared_norm(const Quat<S>& q) {
 }
 template <class S>
 [[gnu::always_inline]] inline Quat<S> normalized(const Quat<S>& q) {
-  const S s = inverse_square_root(squared_norm(q));
+  const S s = inverse_root(squared_norm(q));
   return {s * q.x, s * q.y, s * q.z, s * q.w};
 }
 template <Packed S>

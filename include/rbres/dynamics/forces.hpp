@@ -9,7 +9,8 @@ namespace rbres {
 /// included:
 ///   (body, state)                 the body and its own state
 ///   (body, state, index, time)    and which body it is, and when (s)
-///   (system, states, index, time) the whole system: forces between bodies
+///   (system, states, index, time) the whole system: forces between bodies; not with `auto` for the system,
+///                                 which would pass for a body
 /// Compose with Forces{Gravity{}, FluidFriction{}, ...}; nothing is decided at run time.
 
 /// Uniform gravity: F = m g.
@@ -57,6 +58,8 @@ struct FluidFriction {
     return wrench;
   }
 };
+template <class T>
+FluidFriction(T, T, T) -> FluidFriction<T>;
 FluidFriction()->FluidFriction<double>;
 
 /// Linear damping (the paper's equation 12): without other forces, v and omega decay as exp(-rate t).

@@ -52,7 +52,7 @@ class ContinuousContact {
       measure(y, running);
       if (any(impacts(y, now, observer, tally))) continue;  // velocities changed: look again from here
 
-      const MaskOf<S> held = find_held(pull);
+      const MaskOf<S> held = find_held(running);
       const auto flown = [&](const S& time) {
         return any(held) ? fly(system_, forces, integrator, y, now, time, push)
                          : fly(system_, forces, integrator, y, now, time);
@@ -60,8 +60,8 @@ class ContinuousContact {
       S part = left;
       State end = free;
       if (any(held)) {
-        if (any(soften(y))) free = fly(system_, forces, integrator, y, now, left);
-        hold(y, free, left);
+        if (any(soften(y, pull))) free = fly(system_, forces, integrator, y, now, left);
+        hold(y, free, left, pull);
         end = flown(left);
       }
       // However dense the impacts, time goes on.
@@ -121,6 +121,7 @@ class ContinuousContact {
       pair.size = system_[who.second].bounding_radius();
       if (who.first >= 0) pair.size = minimum(pair.size, system_[who.first].bounding_radius());
       pair.touch = as<S>(Constants<S>::touch) * pair.size;
+      pair.near = as<S>(100.0) * pair.touch;
       // A perfectly elastic contact never comes to rest by bouncing.
       pair.rest_speed = select(pair.surface.restitution < S(1), as<S>(options_.rest_speed), as<S>(1e-7));
       pair.still = minimum(pair.rest_speed, as<S>(100 * Constants<S>::touch));
@@ -174,15 +175,16 @@ class ContinuousContact {
     return changed;
   }
 
-  /// Takes up the touching points that do not part.
-  MaskOf<S> find_held(const S& pull) {
+  /// Takes up the points that touch, or nearly so, and move slowly.
+  MaskOf<S> find_held(const MaskOf<S>& running) {
     held_.clear();
     MaskOf<S> held(false);
     for (Pair& pair : pairs_) {
       pair.any_held = MaskOf<S>(false);
       for (std::size_t i = 0; i < P; ++i) {
-        const MaskOf<S> stays = pair.speed[i] <= pair.still - pull * minimum(pair.manifold.gap[i], S(0));
-        pair.held[i] = pair.touching[i] & stays;
+        const MaskOf<S> close = pair.manifold.gap[i] <= pair.near;
+        const MaskOf<S> slow = square(pair.speed[i]) <= square(pair.rest_speed);
+        pair.held[i] = running & close & slow;
         pair.any_held = pair.any_held | pair.held[i];
       }
       held = held | pair.any_held;
@@ -192,26 +194,29 @@ class ContinuousContact {
   }
 
   /// Slow approaches of held points end at once, without bounce. Returns where there were any.
-  MaskOf<S> soften(State& y) {
+  MaskOf<S> soften(State& y, const S& pull) {
     MaskOf<S> slow(false);
     for (const Pair& pair : pairs_) {
       for (std::size_t i = 0; i < P; ++i) {
-        const MaskOf<S> approaches = pair.speed[i] < -pair.still;
+        const S allowed = pair.still + pull * maximum(pair.manifold.gap[i], S(0));
+        const MaskOf<S> approaches = pair.speed[i] < -allowed;
         slow = slow | (pair.held[i] & approaches);
       }
     }
     if (!any(slow)) return slow;
-    held_.relax(motion_, S(0), slow);
+    held_.relax(motion_, pull, slow, false);
     for (int i = 0; i < N; ++i) detail::set_velocities_where(slow, y[i], motion_[index(i)]);
     held_.clear();
-    for (const Pair& pair : pairs_) {
-      if (any(pair.any_held)) held_.add(pair, motion_);
+    for (Pair& pair : pairs_) {
+      if (!any(pair.any_held)) continue;
+      for (std::size_t i = 0; i < P; ++i) pair.speed[i] = pair.opening(i, motion_);
+      held_.add(pair, motion_);
     }
     return slow;
   }
 
   /// Finds the constant forces with which no held point approaches when `left` is over.
-  void hold(const State& y, const State& free, const S& left) {
+  void hold(const State& y, const State& free, const S& left, const S& pull) {
     for (int i = 0; i < N; ++i) {
       motion_[index(i)].velocity = free[i].velocity;
       motion_[index(i)].angular_velocity = free[i].angular_velocity_world();
@@ -219,8 +224,8 @@ class ContinuousContact {
     const auto before = motion_;
     const MaskOf<S> open = left > S(0);
     held_.warm_start(motion_, left);
-    held_.relax(motion_, S(0), open);
-    held_.remember(left);
+    held_.relax(motion_, pull, open, true);
+    held_.remember(left, as<S>(1e-4) / pull);
     const S rate = S(1) / select(open, left, S(1));
     for (int i = 0; i < N; ++i) {
       const Motion<S>&m = motion_[index(i)], &b = before[index(i)];
@@ -240,13 +245,13 @@ class ContinuousContact {
       pair.set_geometry(system_, end);
       if (!pair.fixed_points()) {  // they may have changed places
         for (std::size_t i = 0; i < P; ++i) {
-          const MaskOf<S> near = pair.manifold.gap[i] <= S(4) * pair.touch;
+          const MaskOf<S> near = pair.manifold.gap[i] <= pair.near;
           pair.held[i] = pair.any_held & near;
         }
       }
       held_.add(pair, motion_);
     }
-    held_.relax(motion_, pull, MaskOf<S>(true));
+    held_.relax(motion_, pull, MaskOf<S>(true), false);
     for (int i = 0; i < N; ++i) set_velocities(end[i], motion_[index(i)]);
   }
 

@@ -1,0 +1,112 @@
+#include <doctest/doctest.h>
+
+#include <rbres/rbres.hpp>
+
+using namespace rbres;
+
+namespace {
+
+constexpr double pi = std::numbers::pi;
+
+/// What a refusal says; empty where nothing is refused.
+template <class F>
+std::string refusal(const F& f) {
+  try {
+    f();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}
+#define CHECK_REFUSED(expression, expected) \
+  CHECK_MESSAGE(refusal([&] { (void)(expression); }) == expected, refusal([&] { (void)(expression); }))
+
+}  // namespace
+
+TEST_CASE("mass properties are those of the closed forms") {
+  const auto sphere = Body<double, Sphere<double>>::of_density(Sphere{0.3}, 1000.0);
+  CHECK(sphere.mass() == doctest::Approx(1000 * 4.0 / 3 * pi * 0.027).epsilon(1e-14));
+  CHECK(sphere.inertia().x == doctest::Approx(0.4 * sphere.mass() * 0.09).epsilon(1e-14));
+
+  const Body box{Box{0.1, 0.2, 0.3}, 12.0};
+  CHECK(box.inertia().x == doctest::Approx(0.16 + 0.36).epsilon(1e-14));
+  CHECK(box.inertia().y == doctest::Approx(0.04 + 0.36).epsilon(1e-14));
+  CHECK(box.inertia().z == doctest::Approx(0.04 + 0.16).epsilon(1e-14));
+  CHECK(box.shape().volume() == doctest::Approx(8 * 0.006).epsilon(1e-14));
+
+  // A capsule against the sum of its slices.
+  const Capsule capsule{0.2, 0.3};
+  double volume = 0, along = 0, across = 0;
+  const int slices = 200000;
+  for (int i = 0; i < slices; ++i) {
+    const double dz = 1.0 / slices, z = -0.5 + (i + 0.5) * dz, beyond = std::max(std::abs(z) - 0.3, 0.0);
+    const double r2 = 0.04 - beyond * beyond, area = pi * r2;
+    volume += area * dz;
+    along += area * dz * r2 / 2;
+    across += area * dz * (r2 / 4 + z * z);
+  }
+  CHECK(capsule.volume() == doctest::Approx(volume).epsilon(1e-9));
+  CHECK(capsule.unit_inertia().z == doctest::Approx(along / volume).epsilon(1e-9));
+  CHECK(capsule.unit_inertia().x == doctest::Approx(across / volume).epsilon(1e-9));
+}
+
+TEST_CASE("any inertia tensor is taken to its principal axes") {
+  const Eigen::Vector3d moments(1, 2, 2.5);
+  const Eigen::Quaterniond turn = Eigen::Quaterniond(0.9, 0.1, -0.3, 0.2).normalized();
+  const Eigen::Matrix3d tensor = turn * moments.asDiagonal() * turn.conjugate();
+  const auto principal = principal_inertia<double>(tensor);
+  const Eigen::Matrix3d axes = Eigen::Quaterniond(principal.axes).toRotationMatrix();
+  const Eigen::Matrix3d back = axes * Eigen::Vector3d(principal.moments).asDiagonal() * axes.transpose();
+  CHECK((back - tensor).cwiseAbs().maxCoeff() < 1e-14);
+  CHECK(axes.determinant() == doctest::Approx(1));
+
+  // The body's frame is the principal one; its shape stands turned in it.
+  const Body<double, Box<double>> body(Box{0.1, 0.2, 0.3}, 4.0, tensor);
+  RigidState<double> state;
+  const Mat3<double> shape = shape_pose(body, state).axes;
+  const Eigen::Vector3d x = Eigen::Vector3d(shape.x);
+  CHECK((x - axes.transpose().col(0)).norm() < 1e-14);
+}
+
+TEST_CASE("impossible bodies are refused, and the message says why") {
+  CHECK_REFUSED((Body{Sphere{0.1}, 0.0}), "body, mass: expected a positive number of kg, found 0");
+  CHECK_REFUSED((Body{Sphere{0.1}, double(NAN)}), "body, mass: expected a positive number of kg, found nan");
+  CHECK_REFUSED((Body{Sphere{-0.1}, 1.0}), "body, sphere radius: expected a positive length, found -0.1");
+  CHECK_REFUSED((Body{Box{0.1, 0.0, 0.1}, 1.0}),
+                "body, box half extent: expected a positive length, found 0");
+  CHECK_REFUSED((Body{Capsule{0.1, -1.0}, 1.0}),
+                "body, capsule half length: expected a length of 0 or more, found -1");
+  CHECK_REFUSED((Body{Sphere{0.1}, 1.0, Vec3<double>{1, 1, 3}}),
+                "body, inertia: expected no moment larger than the sum of the other two, found (1, 1, 3)");
+  CHECK_REFUSED((Body{Sphere{0.1}, 1.0, Vec3<double>{1, -1, 1}}),
+                "body, inertia: expected three positive moments (kg m^2), found (1, -1, 1)");
+  CHECK_REFUSED((Body{Sphere{0.1}, 1.0, Material<double>{1.5, 0.3}}),
+                "body, restitution: expected a number in [0, 1], found 1.5");
+  CHECK_REFUSED((Body{Sphere{0.1}, 1.0, Material<double>{0.5, -0.3}}),
+                "body, friction: expected a number of 0 or more, found -0.3");
+  Eigen::Matrix3d tensor = Eigen::Matrix3d::Identity();
+  tensor(0, 1) = 0.5;
+  CHECK(refusal([&] {
+          principal_inertia<double>(tensor);
+        }).starts_with("body, inertia tensor: expected a symmetric"));
+  tensor(0, 0) = INFINITY;
+  CHECK(refusal([&] {
+          principal_inertia<double>(tensor);
+        }).starts_with("body, inertia tensor: expected finite"));
+  const Body good{Sphere{0.1}, 1.0};
+  CHECK_REFUSED((System<double, 1, Sphere<double>>{{good}, {Plane<double>{{0, 0, 2}, 0, {}}}}),
+                "plane 0, normal: expected a unit vector, found one of length 2");
+}
+
+TEST_CASE("states can be copied as bytes") {
+  static_assert(std::is_trivially_copyable_v<Vec3<double>> && std::is_trivially_copyable_v<Quat<float>>);
+  static_assert(std::is_trivially_copyable_v<SystemState<float, 3>> &&
+                std::is_standard_layout_v<SystemState<float, 3>>);
+  static_assert(sizeof(SystemState<double, 5>) == 520 && sizeof(Wrench<double>) == 48);
+  SystemState<double, 2> y;
+  for (int i = 0; i < 26; ++i) y.vector()(i) = i;
+  CHECK(y[1].position.x == 13);
+  CHECK(y[1].orientation.w == 19);
+  CHECK(y[1].velocity.x == 20);
+  CHECK(y[1].angular_velocity.z == 25);
+}
