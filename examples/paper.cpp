@@ -1,6 +1,7 @@
 // The experiment of arXiv 2407.18798, run for real: simulate, train, evaluate, roll out.
 #include <CLI/CLI.hpp>
 
+#include "paper/figures.hpp"
 #include "paper/report.hpp"
 #include "paper/rollout.hpp"
 #include "paper/training.hpp"
@@ -33,17 +34,28 @@ void run(World world, const Plan& plan, const Store& store, Json& results) {
     count = std::max<Eigen::Index>(count, unit.protocol.scenarios);
     least = std::min<Eigen::Index>(least, unit.protocol.scenarios);
   }
-  std::printf("\n%s: simulating %ld scenarios over %g s\n", label.c_str(), static_cast<long>(count),
-              plan.horizons.back());
   const ScenarioSampler<Set> sampler(world, 1);
-  const Bench<Set> bench{plan, store, world, make_data(sampler, count, plan), least / 10};
-  results["floor"][label] = store.part("floor-" + label, [&] { return bench.floor(sampler); });
-  results["baselines"][label] = store.part("baselines-" + label, [&] { return bench.baselines(); });
+  Bench<Set> bench{plan, store, world, least / 10, {}};
+  // The data are made when the first part that needs them is; a run that goes on may need none.
+  const auto with_data = [&](const auto& make) {
+    return [&, make] {
+      if (bench.data.count() == 0) {
+        std::printf("\n%s: simulating %ld scenarios over %g s\n", label.c_str(), static_cast<long>(count),
+                    plan.horizons.back());
+        bench.data = make_data(sampler, count, plan);
+      }
+      return make();
+    };
+  };
+  results["floor"][label] = store.part("floor-" + label, with_data([&] { return bench.floor(sampler); }));
+  results["baselines"][label] =
+      store.part("baselines-" + label, with_data([&] { return bench.baselines(); }));
   for (const Unit* unit : units) {
     const std::string part = name(*unit, plan);
     std::printf("\n%s: %s, %s, %g s ahead, seed %d\n", label.c_str(), name(unit->architecture).c_str(),
                 name(unit->target).c_str(), plan.horizons[unit->horizon], static_cast<int>(unit->seed));
-    results["networks"][part] = store.part(part, [&] { return train_unit(*unit, bench); });
+    std::fflush(stdout);
+    results["networks"][part] = store.part(part, with_data([&] { return train_unit(*unit, bench); }));
   }
   if constexpr (Set == BodySet::standard) {
     results["rollout"][label] = store.part("rollout-" + label, [&] { return roll_out(bench, sampler); });
@@ -78,7 +90,8 @@ int main(int argc, char** argv) {
                                  : run<BodySet::box>(world, plan, store, results);
       }
     }
-    report(plan, store, results);
+    report(plan, results);
+    draw_figures(plan, store, results);
     write_text(store.folder() / "results.json", results.dump(1) + "\n");
     if (!json.empty()) write_text(json, results.dump(1) + "\n");
     std::printf("\nEvery figure: %s\n", (store.folder() / "results.json").c_str());

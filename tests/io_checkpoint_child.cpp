@@ -29,7 +29,8 @@ extern "C" ssize_t pwrite(int file, const void* data, size_t size, off_t offset)
 }
 extern "C" int fsync(int) {
   if (is_last()) ::raise(SIGKILL);
-  return 0;  // what is written outlives the process without the disk, whose thousands of flushes would take a while
+  return 0;  // what is written outlives the process without the disk, whose thousands of flushes would take a
+             // while
 }
 extern "C" int rename(const char* from, const char* to) noexcept {
   if (is_last()) ::raise(SIGKILL);

@@ -277,11 +277,24 @@ TEST_CASE("the world's z is the viewer's up, and offsets move whole motions") {
   CHECK(materials[2]["pbrMetallicRoughness"]["baseColorFactor"] == json(gltf_clear_orange));
 }
 
+namespace {
+/// One box whose shape stands turned in its principal frame.
+struct TurnedBox {
+  static constexpr int bodies = 1;
+  using State = SystemState<double, 1>;
+  struct BodyType {
+    Quat<double> rotation;
+    Box<double> shape() const { return {0.3, 0.2, 0.1}; }
+    Quat<double> shape_rotation() const { return rotation; }
+  };
+  BodyType body;
+  const BodyType& operator[](int) const { return body; }
+};
+}  // namespace
+
 TEST_CASE("meshes have their bodies' sizes, in the body's own frame") {
   const TemporaryFolder folder;
-  const auto extent = [&](const auto& body, const Eigen::Vector3d& half) {
-    using Body = std::decay_t<decltype(body)>;
-    const System<double, 1, typename Body::Shape> system({body});
+  const auto extent = [&](const auto& system, const Eigen::Vector3d& half) {
     const std::vector<double> times{0};
     const std::vector<SystemState<double, 1>> states(1);
     GltfScene scene;
@@ -297,18 +310,13 @@ TEST_CASE("meshes have their bodies' sizes, in the body's own frame") {
       CHECK(positions["min"][static_cast<std::size_t>(i)].get<double>() == doctest::Approx(-half(i)));
     }
   };
-  extent(Body{Sphere{0.25}, 1.0}, {0.25, 0.25, 0.25});
-  extent(Body{Box{0.3, 0.2, 0.1}, 1.0}, {0.3, 0.2, 0.1});
-  extent(Body{Capsule{0.1, 0.2}, 1.0}, {0.1, 0.1, 0.3});
-  // A tensor with its axes turned by 30 degrees about z: the box stands turned in the body's principal frame.
+  using Single = System<double, 1>;
+  extent(Single{{Body{Sphere{0.25}, 1.0}}}, {0.25, 0.25, 0.25});
+  extent(Single{{Body{Box{0.3, 0.2, 0.1}, 1.0}}}, {0.3, 0.2, 0.1});
+  extent(Single{{Body{Capsule{0.1, 0.2}, 1.0}}}, {0.1, 0.1, 0.3});
   const double angle = std::numbers::pi / 6, c = std::cos(angle), s = std::sin(angle);
-  const Eigen::Matrix3d turn = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-  const Eigen::Matrix3d tensor = turn * Eigen::Vector3d(0.01, 0.02, 0.025).asDiagonal() * turn.transpose();
-  const Body<double, Box<double>> tilted(Box{0.3, 0.2, 0.1}, 1.0, tensor);
-  const Eigen::Matrix3d axes = Eigen::Quaterniond(tilted.shape_rotation()).toRotationMatrix().cwiseAbs();
-  const Eigen::Vector3d half = axes * Eigen::Vector3d(0.3, 0.2, 0.1);
-  CHECK(half.maxCoeff() == doctest::Approx(0.3 * c + 0.2 * s));
-  extent(tilted, half);
+  extent(TurnedBox{{{0, 0, std::sin(angle / 2), std::cos(angle / 2)}}},
+         {0.3 * c + 0.2 * s, 0.3 * s + 0.2 * c, 0.1});
 }
 
 TEST_CASE("the planes of a room meet at its edges, a floor is a square") {

@@ -42,19 +42,26 @@ def check_npy(folder):
         assert done.returncode == 2 and str(source) in done.stderr, (array, done)
 
 
+def read_safetensors(path):
+    data = path.read_bytes()
+    (size,) = struct.unpack("<Q", data[:8])
+    header = json.loads(data[8:8 + size])
+    assert size % 8 == 0 and all(t["dtype"] == "F32" for name, t in header.items() if name != "__metadata__")
+    metadata = header.pop("__metadata__")
+    tensors = {name: np.frombuffer(data[8 + size:], "<f4")[t["data_offsets"][0] // 4:t["data_offsets"][1] // 4]
+               .reshape(t["shape"]) for name, t in header.items()}
+    return tensors, metadata
+
+
 def check_safetensors(folder):
     array = np.arange(12, dtype="float32").reshape(4, 3)
     np.save(folder / "array.npy", array)
     done = copy("safetensors", folder / "array.npy", folder / "array.safetensors")
     assert done.returncode == 0, done.stderr
-    data = (folder / "array.safetensors").read_bytes()
-    (size,) = struct.unpack("<Q", data[:8])
-    header = json.loads(data[8:8 + size])
-    assert size % 8 == 0 and header.pop("__metadata__") == {"made by": "rbres"}
-    assert header == {"array": {"dtype": "F32", "shape": [4, 3], "data_offsets": [0, 48]}}
-    assert np.array_equal(np.frombuffer(data[8 + size:], "<f4").reshape(4, 3), array)
+    tensors, metadata = read_safetensors(folder / "array.safetensors")
+    assert metadata == {"made by": "rbres"} and np.array_equal(tensors["array"], array)
 
-    header["array"]["shape"] = [3, 4]
+    header = {"array": {"dtype": "F32", "shape": [3, 4], "data_offsets": [0, 48]}}
     text = json.dumps(header).encode()
     (folder / "python.safetensors").write_bytes(struct.pack("<Q", len(text)) + text + array.tobytes())
     done = copy("npy", folder / "python.safetensors", folder / "back.npy")
@@ -62,6 +69,36 @@ def check_safetensors(folder):
     assert np.array_equal(np.load(folder / "back.npy"), array.reshape(3, 4))
 
 
+def check_network(folder):
+    """The network as PyTorch would build it from the file's state_dict gives the outputs that the file promises."""
+    first, second = folder / "network.safetensors", folder / "again.safetensors"
+    done = copy("network", "", first)
+    assert done.returncode == 0, done.stderr
+    w, metadata = read_safetensors(first)
+    layers = ("0", "2.0", "2.3", "3.0", "3.3", "4")
+    assert set(w) == {f"{layer}.{part}" for layer in layers for part in ("weight", "bias")}
+    probe_inputs, probe_outputs = (np.array(metadata[key].split(), "float32").reshape(3, -1)
+                                   for key in ("probe_inputs", "probe_outputs"))
+    x = np.maximum(probe_inputs @ w["0.weight"].T + w["0.bias"], 0)
+    for block in ("2", "3"):
+        hidden = np.maximum(x @ w[f"{block}.0.weight"].T + w[f"{block}.0.bias"], 0)
+        x = x + hidden @ w[f"{block}.3.weight"].T + w[f"{block}.3.bias"]
+    y = x @ w["4.weight"].T + w["4.bias"]
+    assert np.abs(y - probe_outputs).max() < 1e-5 * np.abs(y).max()
+
+    # As Python's safetensors writes a state_dict: tensors by name, no metadata.
+    header, data = {}, b""
+    for name in sorted(w):
+        header[name] = {"dtype": "F32", "shape": w[name].shape, "data_offsets": [len(data), len(data) + w[name].nbytes]}
+        data += w[name].tobytes()
+    text = json.dumps(header).encode()
+    (folder / "python.safetensors").write_bytes(struct.pack("<Q", len(text)) + text + data)
+    done = copy("network", folder / "python.safetensors", second)
+    assert done.returncode == 0, done.stderr
+    assert first.read_bytes() == second.read_bytes()
+
+
 with tempfile.TemporaryDirectory() as name:
     check_npy(pathlib.Path(name))
     check_safetensors(pathlib.Path(name))
+    check_network(pathlib.Path(name))

@@ -1,10 +1,14 @@
 // io_python_copy DTYPE IN.npy OUT.npy: reads an array and writes it again.
 // io_python_copy safetensors IN.npy OUT.safetensors: writes its numbers as the tensor "array", with metadata.
 // io_python_copy npy IN.safetensors OUT.npy: writes the matrix "array" of a safetensors file.
+// io_python_copy network "" OUT.safetensors: saves the network of io_export_models.hpp.
+// io_python_copy network IN.safetensors OUT.safetensors: loads such a network and saves it.
 #include <iostream>
 #include <string>
 
 #include <rbres/io.hpp>
+
+#include "io_export_models.hpp"
 
 namespace {
 
@@ -47,6 +51,10 @@ int main(int argc, char** argv) try {
   if (how == "uint8") copy<std::uint8_t>(argv[2], argv[3]);
   if (how == "safetensors") to_safetensors(argv[2], argv[3]);
   if (how == "npy") from_safetensors(argv[2], argv[3]);
+  if (how == "network") {
+    const std::string in = argv[2];
+    rbres::save(argv[3], in.empty() ? exported_float() : rbres::load<decltype(exported_float())>(in));
+  }
 } catch (const std::exception& error) {
   std::cerr << error.what() << '\n';
   return 2;

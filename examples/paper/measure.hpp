@@ -33,8 +33,8 @@ struct Bench {
   const Plan& plan;
   const Store& store;
   World world;
-  ScenarioData data;
   Eigen::Index tests;
+  ScenarioData data;
 
   std::string label() const { return std::string(rbres::name(world)) + "-" + std::string(rbres::name(Set)); }
 
@@ -46,6 +46,7 @@ struct Bench {
     const Eigen::MatrixXd predicted = predict_all(data, 0, tests, predict);
     const double us = microseconds(data, 0, std::min<Eigen::Index>(tests, plan.timed_scenarios), predict);
     Json found = to_json(rbres::measure(data, h, 0, predicted, body.inertia(), body.mass()), us);
+    found["velocity_pairs"] = velocity_pairs(h, predicted);
     const auto quartiles = [&](const std::string& key, const auto& chosen) {
       const Quartiles q = position_quartiles(data, h, 0, predicted, chosen);
       if (q.count > 0)
@@ -57,6 +58,22 @@ struct Bench {
                 [&](std::size_t s) { return data.family[s] == static_cast<Family>(f); });
     }
     return found;
+  }
+
+  /// Some velocity components, predicted and actual, of bodies in scenarios that had a contact.
+  Json velocity_pairs(std::size_t h, const Eigen::MatrixXd& predicted) const {
+    Json actual = Json::array(), guess = Json::array();
+    for (Eigen::Index c = 0; c < predicted.cols() && actual.size() < 2000; ++c) {
+      const auto scenario = static_cast<std::size_t>(c);
+      if (!(static_cast<double>(data.first_contact[scenario]) <= data.horizons[h] + 1e-6)) continue;
+      for (int b = 0; b < data.body_count[scenario]; ++b) {
+        for (int i = 13 * b + 7; i < 13 * b + 10; ++i) {
+          actual.push_back(data.states[h](i, c));
+          guess.push_back(static_cast<float>(predicted(i, c)));
+        }
+      }
+    }
+    return {{"actual", actual}, {"predicted", guess}};
   }
 
   Simulated<Set> simulated(std::size_t h, double step, ContactMode mode) const {

@@ -26,7 +26,7 @@ inline void print_row(const std::string& method, const Json& m) {
 
 /// The tables: for each world, set and horizon every method beside the predictability floor, the cheapest
 /// first.
-inline void report(const Plan& plan, const Store&, Json& results) {
+inline void report(const Plan& plan, Json& results) {
   std::printf(
       "\nMean square errors per component; r and +-0.5 m/s: velocities of bodies in scenarios that had a "
       "contact.\n");

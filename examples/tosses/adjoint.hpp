@@ -6,11 +6,12 @@
 
 namespace rbres::tosses {
 
-/// A gradient by a state: by position, by a small rotation in the body frame, by velocity, by angular velocity.
+/// A gradient by a state: by position, by a small rotation in the body frame, by velocity, by angular
+/// velocity.
 using Adjoint = Eigen::Matrix<double, 12, 1>;
 
-/// How far a predicted pose is from the measured one, m: sqrt(|dx|^2 + (2 w sin(angle / 2))^2 + (4 mm)^2), w the half
-/// width. Adds its gradient by the pose times `scale`.
+/// How far a predicted pose is from the measured one, m: sqrt(|dx|^2 + (2 w sin(angle / 2))^2 + (4 mm)^2), w
+/// the half width. Adds its gradient by the pose times `scale`.
 inline double pose_error(const State& predicted, const State& measured, double scale, Adjoint& gradient) {
   const Vec3<double> dx = predicted.position - measured.position;
   const Quat<double> d = measured.orientation.conjugate() * predicted.orientation;
@@ -22,9 +23,9 @@ inline double pose_error(const State& predicted, const State& measured, double s
   return error;
 }
 
-/// From the gradient by a rotation that ended with a turn (rotation vector in rad; both in the body frame) to that by the rotation before it,
-/// in place, and that by the turn, which is returned: the right Jacobian of the exponential map (Sola, Deray, Atchuthan
-/// 2018, "A micro Lie theory", equation 143), transposed.
+/// From the gradient by a rotation that ended with a turn (rotation vector in rad; both in the body frame) to
+/// that by the rotation before it, in place, and that by the turn, which is returned: the right Jacobian of
+/// the exponential map (Sola, Deray, Atchuthan 2018, "A micro Lie theory", equation 143), transposed.
 inline Eigen::Vector3d pull_back_turn(const Vec3<double>& turn, Eigen::Ref<Eigen::Vector3d> gradient) {
   const Vec3<double> after(gradient);
   const double square = squared_norm(turn), angle = std::sqrt(square);
@@ -36,7 +37,8 @@ inline Eigen::Vector3d pull_back_turn(const Vec3<double>& turn, Eigen::Ref<Eigen
   return after + a * once + b * twice;
 }
 
-/// The state moved along direction k of its tangent space: position, body-frame rotation, velocity, angular velocity.
+/// The state moved along direction k of its tangent space: position, body-frame rotation, velocity, angular
+/// velocity.
 inline State moved(State state, int k, double by) {
   const Vec3<double> along(Eigen::Vector3d(by * Eigen::Vector3d::Unit(k % 3)));
   if (k / 3 == 0) state.position += along;
@@ -46,12 +48,12 @@ inline State moved(State state, int k, double by) {
   return state;
 }
 
-/// The derivative of a step: a row for each direction of the state after it, a column for each of the state before but
-/// x and y, with which every step only moves along.
+/// The derivative of a step: a row for each direction of the state after it, a column for each of the state
+/// before but x and y, with which every step only moves along.
 using Slope = Eigen::Matrix<double, 12, 10>;
 
-/// The slope of a prior at `before`, where it leads to `after`, by one-sided differences: a contact solver has no
-/// formula for it, and 1e-8 is exact enough for a network's gradient.
+/// The slope of a prior at `before`, where it leads to `after`, by one-sided differences: a contact solver
+/// has no formula for it, and 1e-8 is exact enough for a network's gradient.
 inline Slope slope_of(const Prior& prior, const State& before, const State& after) {
   constexpr double h = 1e-7;
   Slope slope;

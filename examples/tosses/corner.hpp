@@ -11,7 +11,8 @@ namespace rbres::tosses {
 /// A step that a learned one corrects: free flight, or the simulator. From a state to the one a frame later.
 using Prior = std::function<State(const State&)>;
 
-/// A frame of motion without contact; the cube's spin keeps its body-frame value, its three moments of inertia being equal.
+/// A frame of motion without contact; the cube's spin keeps its body-frame value, its three moments of
+/// inertia being equal.
 inline State free_flight(const State& state) {
   State next = state;
   next.velocity = next.angular_velocity = {};
@@ -22,14 +23,15 @@ inline State free_flight(const State& state) {
 /// The cube as its corners see it, S being double or a dual number.
 template <class S>
 struct Posture {
-  Mat3<S> axes;       ///< the body's axes in the world frame
-  S height;           ///< of the centre above the floor, m
-  Vec3<S> velocity;   ///< at the frame's end in free flight, world frame
-  Vec3<S> spin;       ///< angular velocity, world frame
-  Vec3<S> push;       ///< what the prior adds to that velocity
-  Vec3<S> twist;      ///< what the prior adds to the spin
+  Mat3<S> axes;      ///< the body's axes in the world frame
+  S height;          ///< of the centre above the floor, m
+  Vec3<S> velocity;  ///< at the frame's end in free flight, world frame
+  Vec3<S> spin;      ///< angular velocity, world frame
+  Vec3<S> push;      ///< what the prior adds to that velocity
+  Vec3<S> twist;     ///< what the prior adds to the spin
 
-  /// `push_` and `twist_`: what the prior's velocity (world) and spin (body frame) are above those of free flight.
+  /// `push_` and `twist_`: what the prior's velocity (world) and spin (body frame) are above those of free
+  /// flight.
   Posture(const RigidState<S>& state, double floor, const Vec3<S>& push_, const Vec3<S>& twist_)
       : axes(rotation_matrix(state.orientation)),
         height(state.position.z - S(floor)),
@@ -38,15 +40,16 @@ struct Posture {
         push(push_),
         twist(axes * twist_) {}
 
-  /// Where a point fixed to the cube, `arm` from its centre, would be above the floor at the frame's end, in free flight.
+  /// Where a point fixed to the cube, `arm` from its centre, would be above the floor at the frame's end, in
+  /// free flight.
   S coming_height(const Vec3<S>& arm) const {
     return height + arm.z + S(frame_time) * (velocity.z + spin.x * arm.y - spin.y * arm.x);
   }
 };
 
-/// One corner of the cube in the frame in which contact is simplest: up, away from the centre, and along its slip. Nothing
-/// here depends on where the cube is on the floor or which way it heads, so neither can a prediction. The
-/// corner's three edges come in one of three orders (`turn`), which are its symmetries.
+/// One corner of the cube in the frame in which contact is simplest: up, away from the centre, and along its
+/// slip. Nothing here depends on where the cube is on the floor or which way it heads, so neither can a
+/// prediction. The corner's three edges come in one of three orders (`turn`), which are its symmetries.
 template <class S>
 class Corner {
  public:
@@ -61,7 +64,8 @@ class Corner {
       const Vec3<S>& v = axis == 0 ? a.x : axis == 1 ? a.y : a.z;
       return index >> axis & 1 ? v : -v;
     };
-    const bool mirrored = ((index ^ index >> 1 ^ index >> 2) & 1) == 0;  // x, y, z would be a left-handed order
+    const bool mirrored =
+        ((index ^ index >> 1 ^ index >> 2) & 1) == 0;  // x, y, z would be a left-handed order
     for (int k = 0; k < 3; ++k) {
       const int place = (k + turn) % 3;
       edge_[static_cast<std::size_t>(k)] = outward(mirrored ? (3 - place) % 3 : place);
@@ -77,8 +81,8 @@ class Corner {
 
   bool active() const { return posture_.coming_height(arm_) < S(reach); }
 
-  /// The network's input: velocities in m/s, spins in 10 rad/s, lengths in 0.1 m or, near the floor, in 5 mm. It
-  /// saturates beyond what tosses reach, so that a rollout gone astray cannot run away.
+  /// The network's input: velocities in m/s, spins in 10 rad/s, lengths in 0.1 m or, near the floor, in 5 mm.
+  /// It saturates beyond what tosses reach, so that a rollout gone astray cannot run away.
   std::array<S, features> encode() const {
     std::array<S, features> x;
     std::size_t n = 0;
@@ -112,8 +116,8 @@ class Corner {
     return x;
   }
 
-  /// The impulse (per mass, m/s, world frame) that the network's coefficients stand for: away from the centre, across that, up, along the
-  /// slip, across that.
+  /// The impulse (per mass, m/s, world frame) that the network's coefficients stand for: away from the
+  /// centre, across that, up, along the slip, across that.
   template <class Coefficients>
   Vec3<S> impulse(const Coefficients& c) const {
     const S away(c[0]), across(c[1]), up(c[2]), along(c[3]), beside(c[4]);
@@ -127,13 +131,13 @@ class Corner {
   /// From the gradient by the velocity and the spin that an impulse changes to that by its coefficients.
   void pull_back(const Vec3<S>& by_change, const Vec3<S>& by_spin, std::array<S, coefficients>& c) const {
     const Vec3<S> j = by_change + S(mass / inertia) * cross(posture_.axes * by_spin, arm_);
-    c = {j.x * away_.x + j.y * away_.y, j.y * away_.x - j.x * away_.y, j.z,
-         j.x * slip_.x + j.y * slip_.y, j.y * slip_.x - j.x * slip_.y};
+    c = {j.x * away_.x + j.y * away_.y, j.y * away_.x - j.x * away_.y, j.z, j.x * slip_.x + j.y * slip_.y,
+         j.y * slip_.x - j.x * slip_.y};
   }
 
  private:
   const Posture<S>& posture_;
-  std::array<Vec3<S>, 3> edge_;       ///< the body axes, pointing outward here
+  std::array<Vec3<S>, 3> edge_;  ///< the body axes, pointing outward here
   Vec3<S> arm_, velocity_, away_, slip_;
   S lever_, speed_;
 };

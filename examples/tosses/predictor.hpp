@@ -1,17 +1,19 @@
 #pragma once
 
+#include <rbres/core/parallel.hpp>
 #include <rbres/nn/nn.hpp>
 
 #include "corner.hpp"
 
 namespace rbres::tosses {
 
-/// A rigid body's step with learned contacts: the prior's step, and an impulse at each corner that comes near the
-/// floor, which one small network gives for all corners alike. With free flight as the prior this is the network alone,
-/// with the simulator it is the hybrid.
+/// A rigid body's step with learned contacts: the prior's step, and an impulse at each corner that comes near
+/// the floor, which one small network gives for all corners alike. With free flight as the prior this is the
+/// network alone, with the simulator it is the hybrid.
 template <class Net>
 struct CornerPredictor {
-  static_assert(Net::input_size == Corner<double>::features && Net::output_size == Corner<double>::coefficients);
+  static_assert(Net::input_size == Corner<double>::features &&
+                Net::output_size == Corner<double>::coefficients);
 
   Net network;
   Prior prior;
@@ -44,8 +46,8 @@ struct CornerPredictor {
   }
 };
 
-/// Mean errors over the frames 1, ..., 80 and the tosses of a rollout from frame 0; a toss that ends earlier counts with
-/// the frames it has.
+/// Mean errors over the frames 1, ..., 80 and the tosses of a rollout from frame 0; a toss that ends earlier
+/// counts with the frames it has.
 struct Score {
   double position = 0;  ///< distance of the centres, m
   double rotation = 0;  ///< angle of the rotation between, rad

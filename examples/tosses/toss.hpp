@@ -18,15 +18,16 @@ inline constexpr double gravity = 9.81;          ///< m/s^2
 
 using State = RigidState<double>;
 
-/// One toss, frame by frame. A frame's velocities are those that led to its pose: position after = position before +
-/// frame_time * velocity after.
+/// One toss, frame by frame. A frame's velocities are those that led to its pose: position after = position
+/// before + frame_time * velocity after.
 using Toss = std::vector<State>;
 
-/// Reads a .npy file of one row per frame and 14 columns: toss number, position (3), orientation (4, real part first),
-/// velocity (3), body-frame angular velocity (3). A file that is missing or broken is refused whole, naming the row
-/// (counted from 0): measured data with a hole in it would train and score something else than it says. Refused are:
-/// another shape or type, no rows, a number that is not finite, a quaternion whose length is off by more than 1e-3,
-/// a toss of a single frame. Shorter errors of a quaternion's length are normalised away.
+/// Reads a .npy file of one row per frame and 14 columns: toss number, position (3), orientation (4, real
+/// part first), velocity (3), body-frame angular velocity (3). A file that is missing or broken is refused
+/// whole, naming the row (counted from 0): measured data with a hole in it would train and score something
+/// else than it says. Refused are: another shape or type, no rows, a number that is not finite, a quaternion
+/// whose length is off by more than 1e-3, a toss of a single frame. Shorter errors of a quaternion's length
+/// are normalised away.
 inline std::vector<Toss> read_tosses(const std::filesystem::path& path) {
   const NpyReader<double> file(path);
   const std::string name = path.string();
@@ -39,18 +40,21 @@ inline std::vector<Toss> read_tosses(const std::filesystem::path& path) {
   std::vector<Toss> tosses;
   const auto close_toss = [&](Eigen::Index row) {
     if (!tosses.empty() && tosses.back().size() < 2) {
-      detail::refuse(detail::text(name, ", row ", row - 1), "a toss of two frames or more", "one of a single frame");
+      detail::refuse(detail::text(name, ", row ", row - 1), "a toss of two frames or more",
+                     "one of a single frame");
     }
   };
   for (Eigen::Index r = 0; r < rows.cols(); ++r) {
     const auto x = rows.col(r);
     for (Eigen::Index c = 0; c < x.size(); ++c) {
-      if (!std::isfinite(x[c])) detail::refuse(detail::text(name, ", row ", r, ", column ", c), "a finite number", x[c]);
+      if (!std::isfinite(x[c]))
+        detail::refuse(detail::text(name, ", row ", r, ", column ", c), "a finite number", x[c]);
     }
     const Quat<double> q{x[5], x[6], x[7], x[4]};
     const double length = std::sqrt(squared_norm(q));
     if (!(std::abs(length - 1) < 1e-3)) {
-      detail::refuse(detail::text(name, ", row ", r), "a unit quaternion", detail::text("one of length ", length));
+      detail::refuse(detail::text(name, ", row ", r), "a unit quaternion",
+                     detail::text("one of length ", length));
     }
     if (r == 0 || x[0] != rows(0, r - 1)) {
       close_toss(r);
@@ -77,7 +81,8 @@ inline Quat<double> rotation_of(const Vec3<double>& v) {
   return {axis.x, axis.y, axis.z, std::cos(half)};
 }
 
-/// The floor's height, m: the median over tosses of where the cube's lowest corner is in the last frame, at rest.
+/// The floor's height, m: the median over tosses of where the cube's lowest corner is in the last frame, at
+/// rest.
 inline double floor_height(const std::vector<Toss>& tosses) {
   std::vector<double> lowest;
   for (const Toss& toss : tosses) {
@@ -90,7 +95,8 @@ inline double floor_height(const std::vector<Toss>& tosses) {
   return *middle;
 }
 
-/// A frame with more velocity, which moves the pose along: by these changes of velocity and of body-frame spin.
+/// A frame with more velocity, which moves the pose along: by these changes of velocity and of body-frame
+/// spin.
 inline void add_velocity(State& state, const Vec3<double>& change, const Vec3<double>& spin) {
   state.position += frame_time * change;
   state.orientation = normalized(state.orientation * rotation_of(frame_time * spin));

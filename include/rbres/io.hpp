@@ -1,7 +1,14 @@
 #pragma once
 
-/// Files: safetensors, NumPy's .npy and glTF animations. Needs nlohmann_json and POSIX besides what
-/// <rbres/rbres.hpp> needs.
+/// Files: models, checkpoints and headers of networks, NumPy's .npy for data, glTF animations. Needs
+/// nlohmann_json and POSIX besides what <rbres/rbres.hpp> needs.
+///
+///     save("model.safetensors", network);                       // Python's safetensors reads it
+///     const auto network = load<Network>("model.safetensors");  // also what PyTorch wrote
+///     save_checkpoint("run.safetensors", trainer);              // after each epoch
+///     load_checkpoint("run.safetensors", trainer);              // goes on to the same bits
+///     write_npy("inputs.npy", inputs);                          // columns are samples: (samples, features)
+///     const auto inputs = read_npy<float>("inputs.npy");
 #include <rbres/io/atomic_file.hpp>
 #include <rbres/io/checkpoint.hpp>
 #include <rbres/io/export_header.hpp>

@@ -44,7 +44,7 @@ Manifold<S, 1> detect_box_ball(const Box<S>& box, const Pose<S>& pose, const Vec
   const S least = minimum(depth.x, minimum(depth.y, depth.z));
 
   const Vec3<S> n = pose.axes * select(outside, direction_or_z(out), inner);
-  const S distance = select(outside, S(square_root(select(outside, squared, S(1)))), S(-least));
+  const S distance = select(outside, S(root(select(outside, squared, S(1)))), S(-least));
   const S gap = distance - radius;
   return {n, gap, {centre - (radius + S(0.5) * gap) * n}, {gap}};
 }

@@ -120,7 +120,7 @@ Manifold<S, 12> detect(const Box<S>& a, const Pose<S>& pa, const Box<S>& b, cons
     for (std::size_t j = 0; j < 3; ++j) {
       const S length2 = S(1) - square(cosine[i][j]);
       const MaskOf<S> apart = length2 > as<S>(1e-6);
-      const S inverse = inverse_square_root(select(apart, length2, S(1)));
+      const S inverse = inverse_root(select(apart, length2, S(1)));
       const Vec3<S> axis = inverse * cross(fa[i].normal, fb[j].normal);
       S gap = abs(dot(between, axis));
       for (std::size_t k = 0; k < 3; ++k) {

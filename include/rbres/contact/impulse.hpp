@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <rbres/contact/manifold.hpp>
 
 namespace rbres {
@@ -39,33 +40,20 @@ class ContactPoint {
   ContactPoint() = default;
 
   /// `first` is not read where it is a plane.
-  ContactPoint(const Vec3<S>& normal, const Vec3<S>& point, const Motion<S>& first, const Motion<S>& second) {
-    // A tangent frame without a branch on the normal's direction (Duff et al. 2017).
-    const S sign = select(normal.z < S(0), S(-1), S(1));
-    const S a = S(-1) / (sign + normal.z), b = normal.x * normal.y * a;
-    direction_[0] = normal;
-    direction_[1] = {S(1) + sign * normal.x * normal.x * a, sign * b, -sign * normal.x};
-    direction_[2] = {b, sign + normal.y * normal.y * a, -normal.y};
-    for (std::size_t d = first_arm; d < 3; ++d) {
-      arm2_[d] = cross(point - second.position, direction_[d]);
-      spin2_[d] = second.inverse_inertia * arm2_[d];
-      if constexpr (!Fixed) {
-        arm1_[d] = cross(point - first.position, direction_[d]);
-        spin1_[d] = first.inverse_inertia * arm1_[d];
-      }
-    }
+  ContactPoint(const Vec3<S>& normal, const Vec3<S>& point, const Motion<S>& first, const Motion<S>& second)
+      : direction_(frame(normal)), second_(lever(point, second)) {
+    if constexpr (!Fixed) first_ = lever(point, first);
     normal_response_ = response(0, 0, first, second);
-    normal_mass_ = S(1) / normal_response_;
+    normal_mass_ = inverse(normal_response_);
     const S uu = response(1, 1, first, second), vv = response(2, 2, first, second),
             uv = response(1, 2, first, second);
-    const S inverse = S(1) / (uu * vv - uv * uv);
-    mass_uu_ = vv * inverse;
-    mass_vv_ = uu * inverse;
-    mass_uv_ = -uv * inverse;
-    const S half = S(0.5) * (uu - vv);
-    tangent_response_ =
-        S(0.5) * (uu + vv) + positive_square_root(S(half * half + uv * uv + S(Constants<S>::tiny)));
-    slip_mass_ = S(1) / tangent_response_;
+    const S over_determinant = inverse(S(uu * vv - uv * uv));
+    mass_uu_ = vv * over_determinant;
+    mass_vv_ = uu * over_determinant;
+    mass_uv_ = -uv * over_determinant;
+    tangent_response_ = S(0.5) * (uu + vv) +
+                        positive_root(S(square(S(S(0.5) * (uu - vv))) + square(uv) + S(Constants<S>::tiny)));
+    slip_mass_ = inverse(tangent_response_);
   }
 
   /// Velocity of the second surface relative to the first along direction d: 0 the normal, 1 and 2 the
@@ -74,8 +62,8 @@ class ContactPoint {
     S v = dot(direction_[d], second.velocity);
     if constexpr (!Fixed) v -= dot(direction_[d], first.velocity);
     if (d < first_arm) return v;
-    v += dot(arm2_[d], second.angular_velocity);
-    if constexpr (!Fixed) v -= dot(arm1_[d], first.angular_velocity);
+    v += dot(second_.arm[d], second.angular_velocity);
+    if constexpr (!Fixed) v -= dot(first_.arm[d], first.angular_velocity);
     return v;
   }
 
@@ -109,7 +97,7 @@ class ContactPoint {
     const S slip_u = impulse_[1] - slip_mass_ * u, slip_v = impulse_[2] - slip_mass_ * v;
     const S length2 = square(slip_u) + square(slip_v);
     const MaskOf<S> beyond = length2 > square(most);
-    const S share = select(beyond, S(most * inverse_square_root(select(beyond, length2, S(1)))), S(1));
+    const S share = select(beyond, S(most * inverse_root(select(beyond, length2, S(1)))), S(1));
     const S pu = select(active, select(slides, S(share * slip_u), stick_u), impulse_[1]);
     const S pv = select(active, select(slides, S(share * slip_v), stick_v), impulse_[2]);
     const S change_u = pu - impulse_[1], change_v = pv - impulse_[2];
@@ -129,6 +117,26 @@ class ContactPoint {
   const std::array<S, 3>& impulse() const { return impulse_; }
 
  private:
+  /// How impulses along the directions turn a body: r x d, and the change of its angular velocity.
+  struct Lever {
+    std::array<Vec3<S>, 3> arm, spin;
+  };
+  Lever lever(const Vec3<S>& point, const Motion<S>& body) const {
+    const auto arm = [&](std::size_t d) {
+      return d < first_arm ? Vec3<S>{} : cross(point - body.position, direction_[d]);
+    };
+    const Vec3<S> n = arm(0), u = arm(1), v = arm(2);
+    return {{n, u, v}, {body.inverse_inertia * n, body.inverse_inertia * u, body.inverse_inertia * v}};
+  }
+  /// The normal and two tangents, without a branch on the normal's direction (Duff et al. 2017).
+  static std::array<Vec3<S>, 3> frame(const Vec3<S>& normal) {
+    const S sign = select(normal.z < S(0), S(-1), S(1));
+    const S a = -inverse(S(sign + normal.z)), b = normal.x * normal.y * a;
+    return {normal,
+            {S(1) + sign * normal.x * normal.x * a, sign * b, -sign * normal.x},
+            {b, sign + normal.y * normal.y * a, -normal.y}};
+  }
+
   S response(std::size_t d, std::size_t e, const Motion<S>& first, const Motion<S>& second) const {
     S k(0);
     if (d == e) {
@@ -136,8 +144,8 @@ class ContactPoint {
       if constexpr (!Fixed) k += first.inverse_mass;
     }
     if (d < first_arm) return k;
-    k += dot(arm2_[d], spin2_[e]);
-    if constexpr (!Fixed) k += dot(arm1_[d], spin1_[e]);
+    k += dot(second_.arm[d], second_.spin[e]);
+    if constexpr (!Fixed) k += dot(first_.arm[d], first_.spin[e]);
     return k;
   }
   /// An impulse along direction d, N s.
@@ -145,14 +153,26 @@ class ContactPoint {
     second.velocity += (second.inverse_mass * p) * direction_[d];
     if constexpr (!Fixed) first.velocity -= (first.inverse_mass * p) * direction_[d];
     if (d < first_arm) return;
-    second.angular_velocity += p * spin2_[d];
-    if constexpr (!Fixed) first.angular_velocity -= p * spin1_[d];
+    second.angular_velocity += p * second_.spin[d];
+    if constexpr (!Fixed) first.angular_velocity -= p * first_.spin[d];
   }
 
-  std::array<Vec3<S>, 3> direction_, arm1_, arm2_, spin1_, spin2_;
+  std::array<Vec3<S>, 3> direction_;
+  Lever second_;
+  std::conditional_t<Fixed, std::monostate, Lever> first_;
   S normal_response_, normal_mass_, mass_uu_, mass_uv_, mass_vv_, tangent_response_, slip_mass_;
   std::array<S, 3> impulse_{S(0), S(0), S(0)};
 };
+
+namespace detail {
+/// Room for a T that is written before it is read: filling a box's contact points with zeros takes longer
+/// than many a contact.
+template <class T>
+union Unset {
+  T value;
+  Unset() {}
+};
+}  // namespace detail
 
 /// What two surfaces agree on.
 template <class S>
@@ -176,7 +196,11 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
                          Motion<S>& first, Motion<S>& second) {
   using std::abs;
   constexpr int sweeps = Central ? 1 : 200;
-  std::array<ContactPoint<S, Fixed, Central>, P> point;
+  std::array<detail::Unset<ContactPoint<S, Fixed, Central>>, P> points;
+  const auto point = [&](std::size_t i) -> auto& { return points[i].value; };
+  const auto make = [&](std::size_t i) {
+    std::construct_at(&point(i), manifold.normal, manifold.point[i], first, second);
+  };
   std::array<S, P> target, before[3];
   std::array<MaskOf<S>, P> active;
   MaskOf<S> hit(false);
@@ -185,8 +209,8 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
     active[i] = touching[i];
     target[i] = S(0);
     if (!any(touching[i])) continue;
-    point[i] = ContactPoint<S, Fixed, Central>(manifold.normal, manifold.point[i], first, second);
-    for (std::size_t d = 0; d < 3; ++d) before[d][i] = point[i].velocity(d, first, second);
+    make(i);
+    for (std::size_t d = 0; d < 3; ++d) before[d][i] = point(i).velocity(d, first, second);
     const S& speed = before[0][i];
     active[i] = touching[i] & (speed <= S(0));
     target[i] = select(speed < -rest_speed, S(-surface.restitution * speed), S(0));
@@ -203,7 +227,7 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
       S worst(0);
       for (std::size_t i = 0; i < P; ++i) {
         if (!any(active[i])) continue;
-        worst = maximum(worst, point[i].relax(target[i], friction, active[i] & working, first, second));
+        worst = maximum(worst, point(i).relax(target[i], friction, active[i] & working, first, second));
       }
       working = working & (worst > enough);
       if (!any(working)) break;
@@ -225,11 +249,11 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
       return sum;
     };
     solve(surface.friction);
-    std::array<std::array<S, 3>, P> rubbed{}, rubbed_after{};
+    std::array<std::array<S, 3>, P> rubbed, rubbed_after;
     for (std::size_t i = 0; i < P; ++i) {
       if (!any(active[i])) continue;
-      rubbed[i] = point[i].impulse();
-      for (std::size_t d = 0; d < 3; ++d) rubbed_after[i][d] = point[i].velocity(d, first, second);
+      rubbed[i] = point(i).impulse();
+      for (std::size_t d = 0; d < 3; ++d) rubbed_after[i][d] = point(i).velocity(d, first, second);
     }
     const S gained = work([&](std::size_t i, std::size_t d) {
       return S(0.5) * rubbed[i][d] * (before[d][i] + rubbed_after[i][d]);
@@ -240,26 +264,24 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
       first = first_before;
       second = second_before;
       for (std::size_t i = 0; i < P; ++i) {
-        if (any(active[i]))
-          point[i] = ContactPoint<S, Fixed, Central>(manifold.normal, manifold.point[i], first, second);
+        if (any(active[i])) make(i);
       }
       solve(S(0));
       // Energy along the way from the frictionless solution (s = 0) to the other (s = 1): a + b s + c s^2.
-      std::array<std::array<S, 3>, P> plain_after{};
+      std::array<std::array<S, 3>, P> plain_after;
       for (std::size_t i = 0; i < P; ++i) {
         if (!any(active[i])) continue;
-        for (std::size_t d = 0; d < 3; ++d) plain_after[i][d] = point[i].velocity(d, first, second);
+        for (std::size_t d = 0; d < 3; ++d) plain_after[i][d] = point(i).velocity(d, first, second);
       }
       const S a = work([&](std::size_t i, std::size_t d) {
-        return S(0.5) * point[i].impulse()[d] * (before[d][i] + plain_after[i][d]);
+        return S(0.5) * point(i).impulse()[d] * (before[d][i] + plain_after[i][d]);
       });
       const S c = work([&](std::size_t i, std::size_t d) {
-        return S(0.5) * (rubbed[i][d] - point[i].impulse()[d]) * (rubbed_after[i][d] - plain_after[i][d]);
+        return S(0.5) * (rubbed[i][d] - point(i).impulse()[d]) * (rubbed_after[i][d] - plain_after[i][d]);
       });
       const S b = gained - a - c;
-      const S root = b + square_root(maximum(S(b * b - S(4) * a * c), S(0)));
-      const S s =
-          select(root > S(0), clamp(S(S(-2) * a / select(root > S(0), root, S(1))), S(0), S(1)), S(0));
+      const S sum = b + root(maximum(S(b * b - S(4) * a * c), S(0)));
+      const S s = select(sum > S(0), clamp(S(S(-2) * a / select(sum > S(0), sum, S(1))), S(0), S(1)), S(0));
       const auto blend = [&](Motion<S>& plain, const Motion<S>& rubbed_motion) {
         const S share = select(created, s, S(1));
         plain.velocity += share * (rubbed_motion.velocity - plain.velocity);

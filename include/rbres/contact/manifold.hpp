@@ -26,6 +26,21 @@ struct Manifold {
   std::array<S, P> gap;          ///< signed distance at each point, m
 };
 
+/// Moves the points that count to the front, lane by lane and in their order, so that lanes in which
+/// different points count share a place.
+template <Packed S, int P, bool Central>
+void gather(Manifold<S, P, Central>& m, std::array<MaskOf<S>, std::size_t(P)>& counts) {
+  for (std::size_t from = 1; from < P; ++from) {
+    for (std::size_t to = 0; to < from && any(counts[from]); ++to) {
+      const MaskOf<S> move = counts[from] & !counts[to];
+      m.point[to] = select(move, m.point[from], m.point[to]);
+      m.gap[to] = select(move, m.gap[from], m.gap[to]);
+      counts[to] = counts[to] | move;
+      counts[from] = counts[from] & !move;
+    }
+  }
+}
+
 /// The body's shape in the world. Balls look the same from every side: their axes are left out.
 template <class S, class Shape>
 Pose<S> shape_pose(const Body<S, Shape>& body, const RigidState<S>& state) {
@@ -41,7 +56,7 @@ template <class S>
 Vec3<S> direction_or_z(const Vec3<S>& v) {
   const S squared = squared_norm(v);
   const MaskOf<S> usable = squared > S(Constants<S>::tiny);
-  const S inverse = inverse_square_root(select(usable, squared, S(1)));
+  const S inverse = inverse_root(select(usable, squared, S(1)));
   return select(usable, inverse * v, Vec3<S>{S(0), S(0), S(1)});
 }
 

@@ -56,27 +56,32 @@ S square(const S& x) {
 /// The square root, NaN of a negative number. Unlike std::sqrt it leaves errno alone, and so is one
 /// instruction and never a call, for whose sake the compiler would keep every register in memory.
 template <class S>
-S square_root(const S& x) {
+S root(const S& x) {
   using std::sqrt;
   return sqrt(x);
 }
 #if defined(__SSE2__)
-inline double square_root(double x) {
+inline double root(double x) {
   const __m128d v = _mm_set_sd(x);
   return _mm_cvtsd_f64(_mm_sqrt_sd(v, v));
 }
-inline float square_root(float x) { return _mm_cvtss_f32(_mm_sqrt_ss(_mm_set_ss(x))); }
+inline float root(float x) { return _mm_cvtss_f32(_mm_sqrt_ss(_mm_set_ss(x))); }
 #endif
 
+/// One over a number; within 2 units in the last place where neither of them is subnormal.
+template <class S>
+S inverse(const S& x) {
+  return S(1) / x;
+}
 /// The square root of a positive number; within 2 units in the last place.
 template <class S>
-S positive_square_root(const S& x) {
-  return square_root(x);
+S positive_root(const S& x) {
+  return root(x);
 }
 /// One over the square root of a positive number; within 2 units in the last place.
 template <class S>
-S inverse_square_root(const S& x) {
-  return S(1) / square_root(x);
+S inverse_root(const S& x) {
+  return S(1) / root(x);
 }
 
 namespace detail {

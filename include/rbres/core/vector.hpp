@@ -50,7 +50,7 @@ S squared_norm(const Vec3<S>& a) {
 template <class S>
 [[gnu::always_inline]] inline S norm(const Vec3<S>& a) {
   const S squared = a.x * a.x + (a.y * a.y + (a.z * a.z + S(Constants<S>::tiny)));
-  return positive_square_root(squared);
+  return positive_root(squared);
 }
 template <class S>
 Vec3<S> absolute(const Vec3<S>& a) {
@@ -87,7 +87,7 @@ S squared_norm(const Quat<S>& q) {
 }
 template <class S>
 [[gnu::always_inline]] inline Quat<S> normalized(const Quat<S>& q) {
-  const S s = inverse_square_root(squared_norm(q));
+  const S s = inverse_root(squared_norm(q));
   return {s * q.x, s * q.y, s * q.z, s * q.w};
 }
 template <Packed S>

@@ -72,19 +72,23 @@ inline Metrics measure(const ScenarioData& data, std::size_t h, Eigen::Index fir
       Eigen::Matrix<double, 13, 1> guess = predicted.col(c).segment<13>(13 * b);
       guess.segment<4>(3) = near_side(guess.segment<4>(3), truth.segment<4>(3));
       const Eigen::Matrix<double, 13, 1> error = guess - truth;
-      constexpr int start[4] = {0, 3, 7, 10}, size[4] = {3, 4, 3, 3};
-      double* mean_square[4] = {&m.position, &m.orientation, &m.velocity, &m.angular_velocity};
-      for (int k = 0; k < 4; ++k) {
-        const auto e = error.segment(start[k], size[k]);
-        const auto t = truth.segment(start[k], size[k]);
-        *mean_square[k] += e.squaredNorm() / size[k];
+      const auto compare = [&]<int Start, int Size>(std::integral_constant<int, Start>,
+                                                    std::integral_constant<int, Size>, std::size_t k,
+                                                    double& mean_square) {
+        const Eigen::Matrix<double, Size, 1> e = error.template segment<Size>(Start);
+        const Eigen::Matrix<double, Size, 1> t = truth.template segment<Size>(Start);
+        mean_square += e.squaredNorm() / Size;
         relative[k].push_back(e.norm() / std::max(t.norm(), 1e-12));
-        for (int i = 0; i < size[k]; ++i) {
+        for (int i = 0; i < Size; ++i) {
           if (t[i] == 0) continue;
           m.elementwise[k] += std::abs(e[i] / t[i]);
           ++elements[k];
         }
-      }
+      };
+      compare(std::integral_constant<int, 0>{}, std::integral_constant<int, 3>{}, 0, m.position);
+      compare(std::integral_constant<int, 3>{}, std::integral_constant<int, 4>{}, 1, m.orientation);
+      compare(std::integral_constant<int, 7>{}, std::integral_constant<int, 3>{}, 2, m.velocity);
+      compare(std::integral_constant<int, 10>{}, std::integral_constant<int, 3>{}, 3, m.angular_velocity);
       const double cosine =
           std::min(1.0, guess.segment<4>(3).normalized().dot(truth.segment<4>(3).normalized()));
       m.angle += 2 * std::acos(cosine) * 180 / std::numbers::pi;

@@ -32,7 +32,7 @@ template <class System>
                                           const typename System::Scalar& rest_speed,
                                           ContactTally<typename System::Scalar>& tally) {
   using S = typename System::Scalar;
-  with_manifold(system, y, first, second, [&](const auto& manifold, auto is_plane) {
+  with_manifold(system, y, first, second, [&](auto manifold, auto is_plane) {
     constexpr bool fixed = decltype(is_plane)::value;
     constexpr std::size_t points = std::decay_t<decltype(manifold)>::points;
     std::array<MaskOf<S>, points> touching;
@@ -44,6 +44,7 @@ template <class System>
       depth = maximum(depth, S(-manifold.gap[i]));
     }
     if (!any(overlaps)) return;
+    if constexpr (Packed<S>) gather(manifold, touching);
     tally.touching += select(overlaps, S(1), S(0));
 
     Motion<S> b = motion_of(system[second], y[second]), a{};

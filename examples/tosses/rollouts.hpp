@@ -1,11 +1,5 @@
 #pragma once
 
-#include <algorithm>
-#include <rbres/core/parallel.hpp>
-#include <memory>
-#include <numbers>
-#include <rbres/core/philox.hpp>
-
 #include <Eigen/Core>  // AutoDiff does not include it itself
 #include <unsupported/Eigen/AutoDiff>
 
@@ -14,9 +8,14 @@
 
 namespace rbres::tosses {
 
-/// Forward and backward pass of some rollouts at once, a network call per frame for all corners of all rollouts.
+/// Forward and backward pass of some rollouts at once, a network call per frame for all corners of all
+/// rollouts.
 template <class Net>
 class Rollouts {
+  /// Where an error in a frame would grow more than this by later frames, the way back is damped: impacts
+  /// make gradients through rollouts explode now and then, and such a rollout says nothing.
+  static constexpr double largest_adjoint = 2;
+
   using T = typename Net::Scalar;
   using Columns = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
   /// A number with its derivatives by a state: by height, rotation (3), velocity (3), angular velocity (3).
@@ -38,7 +37,8 @@ class Rollouts {
       step.outputs.resize(Net::output_size, count * Corner<double>::count);
     }
     pulled_.resize(Net::output_size, count * Corner<double>::count);
-    for (std::uint32_t i = 0; i < static_cast<std::uint32_t>(count * Corner<double>::count); ++i) order_.push_back(i);
+    for (std::uint32_t i = 0; i < static_cast<std::uint32_t>(count * Corner<double>::count); ++i)
+      order_.push_back(i);
     // The loss whose derivative by output column i is column i of pulled_.
     loss_.extra = [this](Eigen::Index i, auto, auto, auto gradient) {
       gradient += static_cast<T>(pulled_columns_) * pulled_.col(i);
@@ -47,9 +47,9 @@ class Rollouts {
   }
   Rollouts(const Rollouts&) = delete;
 
-  /// Rolls out from measured[i][0] and compares with measured[i][1], ..., measured[i][frames]; turns[i] numbers the edges of
-  /// rollout i's corners. Returns the sum over rollouts of the mean error over frames; gradient() and adjoints() are of
-  /// that sum.
+  /// Rolls out from measured[i][0] and compares with measured[i][1], ..., measured[i][frames]; turns[i]
+  /// numbers the edges of rollout i's corners. Returns the sum over rollouts of the mean error over frames;
+  /// gradient() and adjoints() are of that sum.
   double run(const CornerPredictor<Net>& predictor, const std::vector<const State*>& measured,
              const std::vector<int>& turns) {
     double sum = 0;
@@ -61,7 +61,8 @@ class Rollouts {
     for (Step& step : steps_) forward(predictor, turns, states, step);
     for (std::size_t t = steps_.size(); t-- > 0;) {
       for (std::size_t i = 0; i < measured.size(); ++i) {
-        sum += pose_error(states[i], measured[i][t + 1], 1 / static_cast<double>(steps_.size()), adjoints_[i]);
+        sum +=
+            pose_error(states[i], measured[i][t + 1], 1 / static_cast<double>(steps_.size()), adjoints_[i]);
         states[i] = steps_[t].frames[i].before;
       }
       backward(predictor, turns, steps_[t]);
@@ -69,8 +70,8 @@ class Rollouts {
     return sum / static_cast<double>(steps_.size());
   }
 
-  const AlignedBuffer<T>& gradient() const { return gradient_; }         ///< by the network's parameters
-  const std::vector<Adjoint>& adjoints() const { return adjoints_; }     ///< by the first state of each rollout
+  const AlignedBuffer<T>& gradient() const { return gradient_; }      ///< by the network's parameters
+  const std::vector<Adjoint>& adjoints() const { return adjoints_; }  ///< by the first state of each rollout
 
  private:
   struct Contact {
@@ -92,14 +93,15 @@ class Rollouts {
   };
 
   /// Takes the states a frame further, and keeps in `step` what the way back needs.
-  void forward(const CornerPredictor<Net>& predictor, const std::vector<int>& turns, std::vector<State>& states,
-               Step& step) {
+  void forward(const CornerPredictor<Net>& predictor, const std::vector<int>& turns,
+               std::vector<State>& states, Step& step) {
     step.contacts.clear();
     for (std::size_t i = 0; i < states.size(); ++i) {
       const State free = free_flight(states[i]), prior = predictor.prior(states[i]);
-      Frame& frame = step.frames[i] = {states[i], prior, prior.velocity - free.velocity,
-                                       prior.angular_velocity - free.angular_velocity, {}, {}};
-      const Posture<double> posture = frame.posture(predictor.floor);
+      const Vec3<double> push = prior.velocity - free.velocity;
+      const Vec3<double> twist = prior.angular_velocity - free.angular_velocity;
+      step.frames[i] = {states[i], prior, push, twist, {}, {}};
+      const Posture<double> posture = step.frames[i].posture(predictor.floor);
       for (int c = 0; c < Corner<double>::count; ++c) {
         const Corner<double> corner(posture, c, turns[i]);
         if (!corner.active()) continue;
@@ -125,11 +127,15 @@ class Rollouts {
     }
   }
 
-  /// From the adjoints of the states after `step` to those of the states before, adding to the parameters' gradient.
+  /// From the adjoints of the states after `step` to those of the states before, adding to the parameters'
+  /// gradient.
   void backward(const CornerPredictor<Net>& predictor, const std::vector<int>& turns, const Step& step) {
     for (std::size_t i = 0; i < adjoints_.size(); ++i) {
       const Frame& frame = step.frames[i];
       Adjoint& adjoint = adjoints_[i];
+      if (const double size = adjoint.norm(); !(size <= largest_adjoint)) {
+        adjoint *= std::isfinite(size) ? largest_adjoint / size : 0.0;
+      }
       learned_[i] << adjoint.segment<3>(6) + frame_time * adjoint.segment<3>(0),
           adjoint.segment<3>(9) + frame_time * pull_back_turn(frame_time * frame.spin, adjoint.segment<3>(3));
       slopes_[i] = slope_of(predictor.prior, frame.before, frame.prior);
@@ -145,6 +151,7 @@ class Rollouts {
     pull_back_to_states(predictor.floor, turns, step);
   }
 
+  /// From learned_ to pulled_.
   void pull_back_to_outputs(double floor, const std::vector<int>& turns, const Step& step) {
     pulled_columns_ = step.contacts.size();
     for (std::size_t n = 0; n < pulled_columns_; ++n) {
@@ -172,8 +179,9 @@ class Rollouts {
       const Vec3<Dual> spin = corner.spin_of(change);
       const auto& by = learned_[i];
       auto adjoint = adjoints_[i].template tail<10>();
-      adjoint += by[0] * change.x.derivatives() + by[1] * change.y.derivatives() + by[2] * change.z.derivatives() +
-                 by[3] * spin.x.derivatives() + by[4] * spin.y.derivatives() + by[5] * spin.z.derivatives();
+      adjoint += by[0] * change.x.derivatives() + by[1] * change.y.derivatives() +
+                 by[2] * change.z.derivatives() + by[3] * spin.x.derivatives() +
+                 by[4] * spin.y.derivatives() + by[5] * spin.z.derivatives();
       const auto x = corner.encode();
       for (std::size_t k = 0; k < x.size(); ++k) {
         adjoint += static_cast<double>(by_input(static_cast<Eigen::Index>(k), column)) * x[k].derivatives();
@@ -181,6 +189,7 @@ class Rollouts {
     }
   }
 
+  /// The posture with its derivatives by the frame's state, the prior's among them.
   static Posture<Dual> with_derivatives(const Frame& frame, const Slope& slope, double floor) {
     const auto number = [](double x, int place) { return Dual(x, 10, place); };
     const State& state = frame.before;
@@ -204,29 +213,14 @@ class Rollouts {
       d.derivatives()[row - 2] -= 1;
       return d;
     };
-    return {s, floor, {above(frame.push.x, 6), above(frame.push.y, 7), above(frame.push.z, 8)},
+    return {s,
+            floor,
+            {above(frame.push.x, 6), above(frame.push.y, 7), above(frame.push.z, 8)},
             {above(frame.twist.x, 9), above(frame.twist.y, 10), above(frame.twist.z, 11)}};
   }
 
-  static ColumnsView<T> columns_of(const Columns& matrix) { return {matrix.data(), matrix.rows(), matrix.cols()}; }
-
-  static RigidState<Dual> with_derivatives(const State& state) {
-    const auto number = [](double x, int place) { return Dual(x, 10, place); };
-    RigidState<Dual> s;
-    s.position = {Dual(state.position.x), Dual(state.position.y), number(state.position.z, 0)};
-    const Quat<double>& q = state.orientation;
-    s.orientation = {Dual(q.x), Dual(q.y), Dual(q.z), Dual(q.w)};
-    for (int k = 0; k < 3; ++k) {
-      const Quat<double> rate = quaternion_rate(q, Vec3<double>(Eigen::Vector3d::Unit(k)));
-      s.orientation.x.derivatives()[1 + k] = rate.x;
-      s.orientation.y.derivatives()[1 + k] = rate.y;
-      s.orientation.z.derivatives()[1 + k] = rate.z;
-      s.orientation.w.derivatives()[1 + k] = rate.w;
-    }
-    s.velocity = {number(state.velocity.x, 4), number(state.velocity.y, 5), number(state.velocity.z, 6)};
-    s.angular_velocity = {number(state.angular_velocity.x, 7), number(state.angular_velocity.y, 8),
-                          number(state.angular_velocity.z, 9)};
-    return s;
+  static ColumnsView<T> columns_of(const Columns& matrix) {
+    return {matrix.data(), matrix.rows(), matrix.cols()};
   }
 
   typename Net::Workspace workspace_;
@@ -234,99 +228,12 @@ class Rollouts {
   std::vector<Step> steps_;
   Loss<T> loss_;
   std::vector<std::uint32_t> order_;
-  Columns pulled_;
+  Columns pulled_;  ///< gradients by the network's outputs
   std::size_t pulled_columns_ = 0;
   AlignedBuffer<T> gradient_;
   std::vector<Adjoint> adjoints_;
-  std::vector<Slope> slopes_;  ///< of the prior in each rollout
-  std::vector<Eigen::Matrix<double, 6, 1>> learned_;  ///< gradients by what the network adds to each rollout's velocities
+  std::vector<Slope> slopes_;                         ///< of the prior in each rollout
+  std::vector<Eigen::Matrix<double, 6, 1>> learned_;  ///< gradients by each rollout's change and spin
 };
-
-struct RolloutTraining {
-  int frames = 16;
-  int batch = 256;  ///< rollouts a step
-  int steps = 1500;
-  double rate = 5e-3;  ///< of Adam at its height; up over the first 100 steps, then down along half a cosine
-  double clip = 1;     ///< largest norm of a step's gradient: one wild rollout must not throw the network off
-  std::uint64_t seed = 1;
-};
-
-/// What the sum of the rollouts' gradients is multiplied with so that its norm is at most `largest`.
-template <class Net>
-typename Net::Scalar shrinkage(const std::vector<std::unique_ptr<Rollouts<Net>>>& rollouts, double largest) {
-  double sum = 0;
-  for (std::size_t at = 0; at < Net::block_size; ++at) {
-    double g = 0;
-    for (const auto& r : rollouts) g += static_cast<double>(r->gradient()[at]);
-    sum += g * g;
-  }
-  return static_cast<typename Net::Scalar>(sum > largest * largest ? largest / std::sqrt(sum) : 1.0);
-}
-
-/// Trains a predictor's network on rollouts from random frames of the tosses, up to shortly after the cube has come to rest.
-/// progress(steps done, mean error of their rollouts in m) every hundredth of the way. The bits do not depend on the
-/// number of threads. Throws Error where no toss is long enough.
-template <class Net, class Progress>
-void train(CornerPredictor<Net>& predictor, const std::vector<Toss>& tosses, const RolloutTraining& options,
-           const Progress& progress) {
-  using T = typename Net::Scalar;
-  std::vector<const State*> starts;
-  for (const Toss& toss : tosses) {
-    const auto moves = [](const State& s) {
-      return std::sqrt(squared_norm(s.velocity)) + half_width * std::sqrt(squared_norm(s.angular_velocity)) > 0.05;
-    };
-    const auto rest = std::find_if(toss.rbegin(), toss.rend(), moves).base() - toss.begin() + 5;
-    const auto last = std::min<std::ptrdiff_t>(rest, std::ssize(toss) - options.frames);
-    for (std::ptrdiff_t t = 0; t < last; ++t) starts.push_back(&toss[static_cast<std::size_t>(t)]);
-  }
-  if (starts.empty()) {
-    detail::refuse("training", detail::text("a toss of more than ", options.frames, " frames"), "none");
-  }
-
-  constexpr int chunk = 32;  // rollouts a task: the sum of gradients does not depend on who does which
-  std::vector<std::unique_ptr<Rollouts<Net>>> rollouts;
-  std::vector<std::vector<const State*>> first;
-  std::vector<std::vector<int>> turns;
-  for (int begin = 0; begin < options.batch; begin += chunk) {
-    const int count = std::min(chunk, options.batch - begin);
-    rollouts.push_back(std::make_unique<Rollouts<Net>>(count, options.frames));
-    first.emplace_back(static_cast<std::size_t>(count));
-    turns.emplace_back(static_cast<std::size_t>(count));
-  }
-  std::vector<double> errors(rollouts.size());
-  AlignedBuffer<T> moments(Adam::moment_count * Net::block_size);
-  double sum = 0;
-  int summed = 0;
-  for (int step = 0; step < options.steps; ++step) {
-    Random random(options.seed, static_cast<std::uint64_t>(step));
-    for (std::size_t i = 0; i < rollouts.size(); ++i) {
-      for (auto& s : first[i]) s = starts[random.below(static_cast<std::uint32_t>(starts.size()))];
-      for (int& turn : turns[i]) turn = static_cast<int>(random.below(Corner<double>::turns));
-    }
-    parallel_for(std::ssize(rollouts), 0, [&](std::ptrdiff_t task) {
-      const auto i = static_cast<std::size_t>(task);
-      errors[i] = rollouts[i]->run(predictor, first[i], turns[i]);
-    });
-    for (const double error : errors) sum += error / options.batch;
-
-    const double height = std::min(1.0, (step + 1) / 100.0);
-    const double rate = height * options.rate * (1 + std::cos(std::numbers::pi * step / options.steps)) / 2;
-    const auto rule = Adam{}.rule<T>(rate, static_cast<std::uint64_t>(step) + 1);
-    const T shrink = shrinkage(rollouts, options.batch * options.clip);
-    T* parameters = predictor.network.parameters().data();
-    for (std::size_t at = 0; at < Net::block_size; at += static_cast<std::size_t>(detail::simd_width<T>)) {
-      detail::Simd<T> g{}, m[2] = {detail::load(moments.data() + at), detail::load(moments.data() + Net::block_size + at)};
-      for (const auto& r : rollouts) g += shrink * detail::load(r->gradient().data() + at);
-      detail::store(parameters + at, rule(detail::load(parameters + at), g, m, true));
-      detail::store(moments.data() + at, m[0]);
-      detail::store(moments.data() + Net::block_size + at, m[1]);
-    }
-    ++summed;
-    if ((step + 1) % std::max(1, options.steps / 100) == 0 || step + 1 == options.steps) {
-      progress(step + 1, sum / summed);
-      sum = summed = 0;
-    }
-  }
-}
 
 }  // namespace rbres::tosses

@@ -1,0 +1,111 @@
+// rbres_rollout from outside: what it writes, and that it writes nothing when something is wrong.
+#include "io_support.hpp"
+
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <map>
+
+#include <rbres/eval/baselines.hpp>
+#include <rbres/io.hpp>
+
+using namespace rbres;
+
+namespace {
+
+using Shallow = Network<float, Sequential<Linear<95, 256>, Relu, Linear<256, 256>, Relu, Linear<256, 65>>>;
+const Metadata standard_world{
+    {"world", "free"}, {"set", "standard"}, {"scenarios", std::string(scenario_version)}};
+
+/// A predictor whose network says nothing, so that it predicts the contact-free flow.
+void save_silent_predictor(const std::filesystem::path& path, const Metadata& metadata) {
+  Predictor<Shallow, 5> predictor{Shallow(1), {}, {}, free_flow<BodySet::standard>(), Target::residual, 0.1};
+  std::ranges::fill(predictor.network.parameters(), 0.0f);
+  save(path, predictor, metadata);
+}
+
+struct Outcome {
+  int status;
+  std::string out, err;
+};
+
+/// Runs the program in the folder.
+Outcome run(const TemporaryFolder& folder, const std::string& arguments) {
+  const std::string command =
+      "cd '" + (folder / "").string() + "' && '" RBRES_ROLLOUT "' " + arguments + " > .out 2> .err";
+  const int status = std::system(command.c_str());
+  return {WEXITSTATUS(status), read_bytes(folder / ".out"), read_bytes(folder / ".err")};
+}
+
+/// The bytes of the folder's files, but for what the program printed.
+std::map<std::string, std::string> files(const TemporaryFolder& folder) {
+  std::map<std::string, std::string> result;
+  for (const auto& entry : std::filesystem::directory_iterator(folder / ""))
+    if (entry.is_regular_file() && !entry.path().filename().string().starts_with('.'))
+      result[entry.path().filename().string()] = read_bytes(entry.path());
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE("a flight predicted by the contact-free flow") {
+  const TemporaryFolder folder;
+  save_silent_predictor(folder / "silent.safetensors", standard_world);
+  const Outcome outcome = run(folder, "--model silent.safetensors --scenario 9 --seconds 0.5 --out a");
+  CHECK(outcome.err == "");
+  REQUIRE(outcome.status == 0);
+  CHECK(contains(outcome.out, "scenario 9 of seed 1: flight, 3 bodies, no contact"));
+  const Scenario scenario = ScenarioSampler<BodySet::standard>(World::free_space, 1)(9);
+  const NpyReader<double> predicted(folder / "a.npy"), truth(folder / "a_truth.npy");
+  for (const auto* file : {&predicted, &truth}) {
+    CHECK(file->shape() == std::vector<Eigen::Index>{6, 3, 13});
+    CHECK((file->read(0, 1) - scenario.state.vector().head(39)).norm() < 1e-5);
+  }
+  const Eigen::MatrixXd error = predicted.read() - truth.read(), moved = truth.read(5, 1) - truth.read(0, 1);
+  CHECK(error.cwiseAbs().maxCoeff() < 1e-4);
+  CHECK(moved.norm() > 1);
+  CHECK(read_bytes(folder / "a.glb").starts_with("glTF"));
+}
+
+TEST_CASE("what is wrong costs one line and no file") {
+  const TemporaryFolder folder;
+  save_silent_predictor(folder / "silent.safetensors", standard_world);
+  REQUIRE(run(folder, "--model silent.safetensors --seconds 0.5").status == 0);
+
+  save_silent_predictor(folder / "nowhere.safetensors", {{"scenarios", std::string(scenario_version)}});
+  save_silent_predictor(folder / "old.safetensors",
+                        {{"world", "free"}, {"set", "box"}, {"scenarios", "first"}});
+  const Network<float, Sequential<Linear<95, 65>>> other(1);
+  save(folder / "other.safetensors", other, standard_world);
+  write_bytes(folder / "broken.safetensors", read_bytes(folder / "silent.safetensors").substr(0, 5000));
+  std::filesystem::create_directories(folder / "taken.glb");
+  const auto before = files(folder);
+  const auto error = [&](const std::string& arguments) {
+    CAPTURE(arguments);
+    const Outcome outcome = run(folder, arguments);
+    CHECK(outcome.status == 2);
+    CHECK(outcome.err.starts_with("rbres_rollout: "));
+    CHECK(outcome.err.find('\n') == outcome.err.size() - 1);
+    CHECK(files(folder) == before);
+    return outcome.err;
+  };
+  const std::string good = "--model silent.safetensors --seconds 0.3 ";
+  CHECK(contains(error(good + "--bogus"), "--bogus"));
+  CHECK(contains(error(good + "--scenario -1"), "expected a number of 0 or more, found -1"));
+  CHECK(contains(error(good + "--seed x"), "--seed"));
+  CHECK(contains(error("--model silent.safetensors --seconds 0.25"), "times the model's 0.1 s, found 0.25"));
+  CHECK(contains(error("--model silent.safetensors --seconds 0"), "found 0"));
+  CHECK(contains(error("--model silent.safetensors --seconds nan"), "found nan"));
+  CHECK(contains(error("--model silent.safetensors --seconds 1000"), "1000"));
+  CHECK(contains(error("--seconds 0.3 --model missing.safetensors"), "missing.safetensors: cannot read"));
+  CHECK(contains(error("--seconds 0.3 --model broken.safetensors"), "broken.safetensors"));
+  CHECK(contains(error("--seconds 0.3 --model nowhere.safetensors"),
+                 "metadata 'world': expected 'free' or 'room', found none"));
+  CHECK(contains(error("--seconds 0.3 --model old.safetensors"), "metadata 'scenarios'"));
+  CHECK(contains(error("--seconds 0.3 --model other.safetensors"),
+                 "found rbres::Sequential<rbres::Linear<95, 65>>"));
+  CHECK(contains(error(good + "--out nowhere/a"), "nowhere/a.npy: cannot write"));
+  CHECK(contains(error(good + "--out taken"), "taken.glb: expected a regular file"));
+  CHECK(run(folder, "--help").status == 0);
+}
