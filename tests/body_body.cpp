@@ -8,18 +8,19 @@ namespace {
 
 constexpr double pi = std::numbers::pi;
 
-/// What a refusal says; empty where nothing is refused.
+/// Whether f refuses with a message that starts like this.
 template <class F>
-std::string refusal(const F& f) {
+bool refuses(const F& f, std::string_view expected) {
   try {
     f();
   } catch (const Error& error) {
-    return error.what();
+    INFO(error.what());
+    CHECK(std::string_view(error.what()).starts_with(expected));
+    return true;
   }
-  return "";
+  return false;
 }
-#define CHECK_REFUSED(expression, expected) \
-  CHECK_MESSAGE(refusal([&] { (void)(expression); }) == expected, refusal([&] { (void)(expression); }))
+#define CHECK_REFUSED(expression, expected) CHECK(refuses([&] { (void)(expression); }, expected))
 
 }  // namespace
 
@@ -86,13 +87,9 @@ TEST_CASE("impossible bodies are refused, and the message says why") {
                 "body, friction: expected a number of 0 or more, found -0.3");
   Eigen::Matrix3d tensor = Eigen::Matrix3d::Identity();
   tensor(0, 1) = 0.5;
-  CHECK(refusal([&] {
-          principal_inertia<double>(tensor);
-        }).starts_with("body, inertia tensor: expected a symmetric"));
+  CHECK_REFUSED(principal_inertia<double>(tensor), "body, inertia tensor: expected a symmetric");
   tensor(0, 0) = INFINITY;
-  CHECK(refusal([&] {
-          principal_inertia<double>(tensor);
-        }).starts_with("body, inertia tensor: expected finite"));
+  CHECK_REFUSED(principal_inertia<double>(tensor), "body, inertia tensor: expected finite");
   const Body good{Sphere{0.1}, 1.0};
   CHECK_REFUSED((System<double, 1, Sphere<double>>{{good}, {Plane<double>{{0, 0, 2}, 0, {}}}}),
                 "plane 0, normal: expected a unit vector, found one of length 2");

@@ -1,6 +1,8 @@
 # Checks that the #include lines of include/rbres follow the design's arrows: a folder may include only itself and what
 # stands below it. Run as: cmake -DINCLUDE=<the include folder> -P include_arrows.cmake
 
+cmake_policy(VERSION 3.21)
+
 set(may_core core)
 set(may_body body core)
 set(may_dynamics dynamics body core)

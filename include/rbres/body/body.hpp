@@ -27,10 +27,10 @@ namespace detail {
 template <class S>
 void check_material(const Material<S>& m, const std::string& what) {
   if (!(m.restitution >= S(0) && m.restitution <= S(1))) {
-    refuse(what + ", restitution", "a number in [0, 1]", m.restitution);
+    refuse(text(what, ", restitution"), "a number in [0, 1]", m.restitution);
   }
   if (!(m.friction >= S(0)) || !is_finite(m.friction)) {
-    refuse(what + ", friction", "a number of 0 or more", m.friction);
+    refuse(text(what, ", friction"), "a number of 0 or more", m.friction);
   }
 }
 }  // namespace detail

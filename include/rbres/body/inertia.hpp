@@ -20,12 +20,13 @@ void check_moments(const Vec3<S>& moments, const std::string& what) {
   const auto found = detail::text("(", m[0], ", ", m[1], ", ", m[2], ")");
   for (int i = 0; i < 3; ++i) {
     if (!(m[i] > S(0)) || !is_finite(m[i]))
-      detail::refuse(what + ", inertia", "three positive moments (kg m^2)", found);
+      detail::refuse(detail::text(what, ", inertia"), "three positive moments (kg m^2)", found);
   }
   for (int i = 0; i < 3; ++i) {
     // Flat bodies reach equality, so rounding is let through.
     if (m[i] > (m[(i + 1) % 3] + m[(i + 2) % 3]) * (S(1) + S(8) * S(Constants<S>::epsilon))) {
-      detail::refuse(what + ", inertia", "no moment larger than the sum of the other two", found);
+      detail::refuse(detail::text(what, ", inertia"), "no moment larger than the sum of the other two",
+                     found);
     }
   }
 }
@@ -36,9 +37,9 @@ template <class S>
 PrincipalInertia<S> principal_inertia(const Eigen::Matrix<S, 3, 3>& tensor,
                                       const std::string& what = "body") {
   if (!tensor.allFinite())
-    detail::refuse(what + ", inertia tensor", "finite numbers", "\n" + detail::text(tensor));
+    detail::refuse(detail::text(what, ", inertia tensor"), "finite numbers", "\n" + detail::text(tensor));
   if ((tensor - tensor.transpose()).cwiseAbs().maxCoeff() > as<S>(1e-6) * tensor.cwiseAbs().maxCoeff()) {
-    detail::refuse(what + ", inertia tensor", "a symmetric matrix", "\n" + detail::text(tensor));
+    detail::refuse(detail::text(what, ", inertia tensor"), "a symmetric matrix", "\n" + detail::text(tensor));
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<S, 3, 3>> solver(tensor);
   Eigen::Matrix<S, 3, 3> axes = solver.eigenvectors();

@@ -35,7 +35,7 @@ struct Sphere {
   }
   void check(const std::string& what) const {
     if (!(radius > S(0)) || !is_finite(radius))
-      detail::refuse(what + ", sphere radius", "a positive length", radius);
+      detail::refuse(detail::text(what, ", sphere radius"), "a positive length", radius);
   }
 };
 
@@ -65,7 +65,8 @@ struct Box {
   }
   void check(const std::string& what) const {
     for (const S& h : {half.x, half.y, half.z}) {
-      if (!(h > S(0)) || !is_finite(h)) detail::refuse(what + ", box half extent", "a positive length", h);
+      if (!(h > S(0)) || !is_finite(h))
+        detail::refuse(detail::text(what, ", box half extent"), "a positive length", h);
     }
   }
 };
@@ -100,9 +101,9 @@ struct Capsule {
   }
   void check(const std::string& what) const {
     if (!(radius > S(0)) || !is_finite(radius))
-      detail::refuse(what + ", capsule radius", "a positive length", radius);
+      detail::refuse(detail::text(what, ", capsule radius"), "a positive length", radius);
     if (!(half_length >= S(0)) || !is_finite(half_length)) {
-      detail::refuse(what + ", capsule half length", "a length of 0 or more", half_length);
+      detail::refuse(detail::text(what, ", capsule half length"), "a length of 0 or more", half_length);
     }
   }
 };

@@ -11,7 +11,7 @@ namespace rbres {
 template <class S>
 struct Plane {
   Vec3<S> normal{S(0), S(0), S(1)};  ///< unit vector out of the solid, world frame
-  S offset = S(0);                    ///< m
+  S offset = S(0);                   ///< m
   Material<S> material{};
 
   template <class T>
@@ -86,9 +86,10 @@ class System {
       const auto& p = planes_[i];
       const auto what = detail::text("plane ", i);
       if (!(std::abs(norm(p.normal) - S(1)) < as<S>(1e-5))) {
-        detail::refuse(what + ", normal", "a unit vector", detail::text("one of length ", norm(p.normal)));
+        detail::refuse(detail::text(what, ", normal"), "a unit vector",
+                       detail::text("one of length ", norm(p.normal)));
       }
-      if (!is_finite(p.offset)) detail::refuse(what + ", offset", "a finite number", p.offset);
+      if (!is_finite(p.offset)) detail::refuse(detail::text(what, ", offset"), "a finite number", p.offset);
       detail::check_material(p.material, what);
     }
   }
