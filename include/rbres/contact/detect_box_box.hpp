@@ -43,8 +43,9 @@ void clip_faces(const Vec3<S>& origin, const Face<S>& reference, const Vec3<S>& 
   Vec3<S> centre = local(middle - origin);
   centre.z -= reference.half_normal;
   const Vec3<S> p = incident.half_u * local(incident.u), q = incident.half_v * local(incident.v);
-  const S& hu = reference.half_u;
-  const S& hv = reference.half_v;
+  // Edges that lie along the rectangle's border count as inside, whatever their rounding.
+  const S slack = as<S>(Constants<S>::touch) * (reference.half_u + reference.half_v);
+  const S hu = reference.half_u + slack, hv = reference.half_v + slack;
   const auto put = [&](std::size_t slot, const Vec3<S>& at, const MaskOf<S>& valid) {
     m.gap[slot] = select(valid, at.z, S(m.none));
     m.point[slot] = origin + at.x * reference.u + at.y * reference.v +

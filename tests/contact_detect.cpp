@@ -1,0 +1,167 @@
+#include <doctest/doctest.h>
+
+#include <rbres/rbres.hpp>
+
+using namespace rbres;
+
+namespace {
+
+Pose<double> pose(const Vec3<double>& at, const Quat<double>& q = {}) { return {at, rotation_matrix(q)}; }
+Quat<double> random_turn(Random& r) {
+  return normalized(Quat<double>{r.normal(), r.normal(), r.normal(), r.normal()});
+}
+
+/// Points of a shape's core (a sphere's centre, a capsule's axis, a box's solid), on a grid: the surface is
+/// `radius` away from the core.
+std::vector<Vec3<double>> core(const Sphere<double>&, const Pose<double>& p) { return {p.position}; }
+std::vector<Vec3<double>> core(const Capsule<double>& c, const Pose<double>& p) {
+  std::vector<Vec3<double>> points;
+  for (int i = -50; i <= 50; ++i) points.push_back(p.position + (c.half_length * i / 50) * p.axes.z);
+  return points;
+}
+std::vector<Vec3<double>> core(const Box<double>& b, const Pose<double>& p) {
+  std::vector<Vec3<double>> points;
+  const int n = 6;
+  for (int i = -n; i <= n; ++i) {
+    for (int j = -n; j <= n; ++j) {
+      for (int k = -n; k <= n; ++k) {
+        points.push_back(p.position +
+                         p.axes * Vec3<double>{b.half.x * i / n, b.half.y * j / n, b.half.z * k / n});
+      }
+    }
+  }
+  return points;
+}
+double radius(const Sphere<double>& s) { return s.radius; }
+double radius(const Capsule<double>& c) { return c.radius; }
+double radius(const Box<double>&) { return 0; }
+
+template <int P, bool C>
+double smallest(const Manifold<double, P, C>& m) {
+  return *std::min_element(m.gap.begin(), m.gap.end());
+}
+
+/// What holds for any two shapes apart: the same answer in either order, a unit normal from the first to the
+/// second, the gap between the true distance and what a separating direction proves.
+template <class A, class B>
+void check_pair(const A& a, const B& b) {
+  Random r(11);
+  for (int trial = 0; trial < 200; ++trial) {
+    CAPTURE(trial);
+    const Vec3<double> away{r.normal(), r.normal(), r.normal()};
+    const double apart = (a.bounding_radius() + b.bounding_radius()) * r.uniform(0.9, 1.4);
+    const auto pa = pose({0.1, -0.2, 0.3}, random_turn(r));
+    const auto pb = pose(pa.position + (apart / norm(away)) * away, random_turn(r));
+    double nearest = 1e30;
+    for (const auto& x : core(a, pa)) {
+      for (const auto& y : core(b, pb)) nearest = std::min(nearest, squared_norm(x - y));
+    }
+    const double distance = std::sqrt(nearest) - radius(a) - radius(b);
+    if (distance <= 0.02) continue;
+    const auto ab = detect(a, pa, b, pb), ba = detect(b, pb, a, pa);
+    CHECK(squared_norm(ab.normal) == doctest::Approx(1).epsilon(1e-12));
+    CHECK(dot(ab.normal, pb.position - pa.position) > 0);
+    CHECK(ab.separation == doctest::Approx(ba.separation).epsilon(1e-9));
+    CHECK(squared_norm(ab.normal + ba.normal) < 1e-12);
+    CHECK(ab.separation > 0);
+    CHECK(ab.separation <= distance + 1e-12);
+    // The normal really keeps the two apart by that much.
+    double first = -1e30, second = 1e30;
+    for (const auto& x : core(a, pa)) first = std::max(first, dot(ab.normal, x) + radius(a));
+    for (const auto& y : core(b, pb)) second = std::min(second, dot(ab.normal, y) - radius(b));
+    CHECK(second - first >= ab.separation - 1e-9);
+    CHECK(smallest(ab) >= ab.separation - 1e-9);
+  }
+}
+
+}  // namespace
+
+TEST_CASE("every pair: symmetry, a unit normal, a gap that the normal proves") {
+  const Sphere<double> sphere{0.3};
+  const Box<double> box{0.2, 0.3, 0.1};
+  const Capsule<double> capsule{0.1, 0.4};
+  check_pair(sphere, Sphere<double>{0.1});
+  check_pair(sphere, box);
+  check_pair(sphere, capsule);
+  check_pair(box, Box<double>{0.1, 0.1, 0.4});
+  check_pair(box, capsule);
+  check_pair(capsule, Capsule<double>{0.2, 0.1});
+}
+
+TEST_CASE("balls and capsules: the gap is the distance") {
+  const auto m = detect(Sphere<double>{0.3}, pose({0, 0, 0}), Sphere<double>{0.2}, pose({0.6, 0.8, 0}));
+  CHECK(m.separation == doctest::Approx(0.5).epsilon(1e-15));
+  CHECK(m.normal.x == doctest::Approx(0.6).epsilon(1e-15));
+  CHECK(m.point[0].y == doctest::Approx(0.8 * 0.55).epsilon(1e-15));
+  // Crossed capsules: axes along z and x, 0.5 apart.
+  const Quat<double> turned{0, std::sqrt(0.5), 0, std::sqrt(0.5)};
+  const auto c = detect(Capsule<double>{0.1, 1.0}, pose({0, 0, 0}), Capsule<double>{0.2, 1.0},
+                        pose({0, 0.5, 0.3}, turned));
+  CHECK(c.separation == doctest::Approx(0.2).epsilon(1e-12));
+  CHECK(c.point[0].z == doctest::Approx(0.3).epsilon(1e-12));
+  CHECK(c.gap[1] > 1);
+  // Overlapping balls.
+  CHECK(detect(Sphere<double>{1.0}, pose({0, 0, 0}), Sphere<double>{1.0}, pose({1, 0, 0})).separation == -1);
+}
+
+TEST_CASE("a box lies flat on a plane with four points") {
+  const Plane<double> floor{};
+  const auto m = detect(floor, Box<double>{0.2, 0.3, 0.1}, pose({1, 2, 0.1}));
+  CHECK(std::count_if(m.gap.begin(), m.gap.end(), [](double g) { return std::abs(g) < 1e-15; }) == 4);
+  CHECK(std::count_if(m.gap.begin(), m.gap.end(), [](double g) { return std::abs(g - 0.2) < 1e-15; }) == 4);
+  CHECK(std::abs(m.separation) < 1e-15);
+}
+
+TEST_CASE("a box lies flat on a box, turned or not") {
+  for (const double angle : {0.0, 0.3, std::numbers::pi / 4}) {
+    CAPTURE(angle);
+    const Quat<double> q{0, 0, std::sin(angle / 2), std::cos(angle / 2)};
+    const Box<double> box{0.1, 0.1, 0.1};
+    const auto m = detect(box, pose({0, 0, 0.1}), box, pose({0.02, 0, 0.3}, q));
+    CHECK(std::abs(m.separation) < 1e-15);
+    CHECK(m.normal.z == doctest::Approx(1).epsilon(1e-15));
+    double low_x = 1, high_x = -1, low_y = 1, high_y = -1;
+    int points = 0;
+    for (std::size_t i = 0; i < 12; ++i) {
+      if (m.gap[i] > 1) continue;
+      ++points;
+      CHECK(std::abs(m.gap[i]) < 1e-15);
+      CHECK(m.point[i].z == doctest::Approx(0.2).epsilon(1e-14));
+      low_x = std::min(low_x, m.point[i].x), high_x = std::max(high_x, m.point[i].x);
+      low_y = std::min(low_y, m.point[i].y), high_y = std::max(high_y, m.point[i].y);
+    }
+    CHECK(points >= 4);
+    // The points span the overlap of the two faces.
+    if (angle == 0) {
+      CHECK(low_x == doctest::Approx(-0.08));
+      CHECK(high_x == doctest::Approx(0.1));
+    }
+    CHECK(high_y - low_y == doctest::Approx(0.2).epsilon(0.01));
+  }
+}
+
+TEST_CASE("a capsule lies on a plane and on a box with both ends") {
+  const Quat<double> lying{0, std::sqrt(0.5), 0, std::sqrt(0.5)};
+  const Capsule<double> capsule{0.1, 0.3};
+  const auto on_plane = detect(Plane<double>{}, capsule, pose({0, 0, 0.1}, lying));
+  CHECK(std::abs(on_plane.gap[0]) < 1e-15);
+  CHECK(std::abs(on_plane.gap[1]) < 1e-15);
+  const auto on_box = detect(Box<double>{0.5, 0.5, 0.1}, pose({0, 0, 0}), capsule, pose({0, 0, 0.2}, lying));
+  CHECK(on_box.normal.z == doctest::Approx(1));
+  for (std::size_t i = 0; i < 3; ++i) CHECK(std::abs(on_box.gap[i]) < 1e-15);
+}
+
+TEST_CASE("a ball inside a box is pushed out of the nearest face") {
+  const auto m =
+      detect(Box<double>{0.5, 0.5, 0.5}, pose({0, 0, 0}), Sphere<double>{0.1}, pose({0.4, 0.1, 0}));
+  CHECK(m.normal.x == 1);
+  CHECK(m.separation == doctest::Approx(-0.2).epsilon(1e-15));
+}
+
+TEST_CASE("shapes chosen at run time meet as those chosen when compiling") {
+  const Box<double> box{0.2, 0.3, 0.1};
+  const Sphere<double> sphere{0.3};
+  const auto pa = pose({0, 0, 0}), pb = pose({0.5, 0.2, 0.1});
+  CHECK(detect(AnyShape<double>(box), pa, AnyShape<double>(sphere), pb).separation ==
+        detect(box, pa, sphere, pb).separation);
+}

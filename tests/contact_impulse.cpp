@@ -1,0 +1,135 @@
+#include <doctest/doctest.h>
+
+#include <rbres/rbres.hpp>
+
+using namespace rbres;
+
+namespace {
+
+using Boxes = System<double, 2, Box<double>>;
+
+/// Two boxes that touch somewhere, and approach.
+struct Impact {
+  Boxes system;
+  SystemState<double, 2> y;
+};
+Impact random_impact(std::uint64_t stream, const Material<double>& material) {
+  Random r(5, stream);
+  const auto half = [&] { return r.uniform(0.1, 0.3); };
+  Impact impact{{{Body{Box{half(), half(), half()}, r.uniform(0.5, 3), material},
+                  Body{Box{half(), half(), half()}, r.uniform(0.5, 3), material}}},
+                {}};
+  auto& y = impact.y;
+  for (auto& body : y.body) {
+    body.orientation = normalized(Quat<double>{r.normal(), r.normal(), r.normal(), r.normal()});
+    body.velocity = {r.normal(), r.normal(), r.normal()};
+    body.angular_velocity = {r.normal(), r.normal(), r.normal()};
+  }
+  y[1].position = {r.normal(), r.normal(), r.normal()};
+  for (int i = 0; i < 100; ++i) {  // moves along the normal until they touch
+    detail::with_manifold(impact.system, y, 0, 1,
+                          [&](const auto& m, auto) { y[1].position -= m.separation * m.normal; });
+  }
+  return impact;
+}
+
+struct Sums {
+  Eigen::Vector3d linear, angular;
+  double energy;
+  Sums(const Impact& impact) : linear(0, 0, 0), angular(0, 0, 0), energy(0) {
+    for (int i = 0; i < 2; ++i) {
+      const auto& body = impact.system[i];
+      const auto& y = impact.y[i];
+      const Vec3<double> spin = scale(body.inertia(), y.angular_velocity);
+      const Eigen::Vector3d p = body.mass() * Eigen::Vector3d(y.velocity);
+      linear += p;
+      angular += Eigen::Vector3d(y.position).cross(p) + Eigen::Vector3d(rotate(y.orientation, spin));
+      energy += 0.5 * (p.squaredNorm() / body.mass() + dot(spin, y.angular_velocity));
+    }
+  }
+};
+
+/// Resolves the impact; returns the normal speeds before and after at the points that approached.
+std::vector<std::pair<double, double>> resolve(Impact& impact) {
+  std::vector<std::pair<double, double>> speeds;
+  detail::with_manifold(impact.system, impact.y, 0, 1, [&](const auto& m, auto is_plane) {
+    if constexpr (!decltype(is_plane)::value) {
+      constexpr std::size_t points = std::decay_t<decltype(m)>::points;
+      std::array<bool, points> touching;
+      for (std::size_t i = 0; i < points; ++i) touching[i] = m.gap[i] < 1e-9;
+      Motion<double> a = motion_of(impact.system[0], impact.y[0]),
+                     b = motion_of(impact.system[1], impact.y[1]);
+      const auto speed = [&](std::size_t i) {
+        return dot(m.normal, b.velocity + cross(b.angular_velocity, m.point[i] - b.position) - a.velocity -
+                                 cross(a.angular_velocity, m.point[i] - a.position));
+      };
+      std::array<double, points> before{};
+      for (std::size_t i = 0; i < points; ++i) before[i] = speed(i);
+      resolve_impact<false>(m, touching, detail::surface_of(impact.system, 0, 1), 0.0, 0.0, a, b);
+      for (std::size_t i = 0; i < points; ++i) {
+        if (touching[i] && before[i] < 0) speeds.push_back({before[i], speed(i)});
+      }
+      set_velocities(impact.y[0], a);
+      set_velocities(impact.y[1], b);
+    }
+  });
+  return speeds;
+}
+
+}  // namespace
+
+TEST_CASE("an impact keeps momentum, never gains energy, and leaves with the restitution asked for") {
+  int hits = 0;
+  for (std::uint64_t i = 0; i < 500; ++i) {
+    CAPTURE(i);
+    Random r(6, i);
+    const double e = r.uniform(), mu = r.uniform();
+    Impact impact = random_impact(i, {e, mu});
+    const Sums before(impact);
+    const auto speeds = resolve(impact);
+    const Sums after(impact);
+    CHECK((after.linear - before.linear).norm() < 1e-13 * (1 + before.linear.norm()));
+    CHECK((after.angular - before.angular).norm() < 1e-13 * (1 + before.angular.norm()));
+    CHECK(after.energy <= before.energy * (1 + 1e-13));
+    for (const auto& [came, left] : speeds) {
+      ++hits;
+      CHECK(left >= -e * came - 1e-12);
+      if (speeds.size() == 1) CHECK(left == doctest::Approx(-e * came).epsilon(1e-9));
+    }
+  }
+  CHECK(hits > 200);
+}
+
+TEST_CASE("without friction and with e = 1 the energy is kept") {
+  for (std::uint64_t i = 0; i < 200; ++i) {
+    CAPTURE(i);
+    Impact impact = random_impact(i, {1, 0});
+    const Sums before(impact);
+    if (resolve(impact).size() > 1) continue;
+    CHECK(Sums(impact).energy == doctest::Approx(before.energy).epsilon(1e-13));
+  }
+}
+
+TEST_CASE("friction slides against the slip, and sticks within its cone") {
+  // A box that lands flat on the floor while it slides.
+  const double mu = 0.4, down = 1;
+  for (const double along : {0.1, 3.0}) {
+    const Material<double> material{0, mu};
+    const System<double, 1, Box<double>> system{{Body{Box{0.3, 0.2, 0.001}, 2.0, material}},
+                                                {floor_plane(material)}};
+    SystemState<double, 1> y;
+    y[0].position.z = 0.001;
+    y[0].velocity = {along, 0, -down};
+    detail::with_manifold(system, y, -1, 0, [&](const auto& m, auto is_plane) {
+      if constexpr (decltype(is_plane)::value) {
+        std::array<bool, 8> touching;
+        for (std::size_t i = 0; i < 8; ++i) touching[i] = m.gap[i] < 1e-9;
+        Motion<double> none{}, b = motion_of(system[0], y[0]);
+        resolve_impact<true>(m, touching, detail::surface_of(system, -1, 0), 0.0, 0.0, none, b);
+        CHECK(b.velocity.x == doctest::Approx(std::max(along - mu * down, 0.0)).epsilon(1e-3));
+        CHECK(std::abs(b.velocity.y) < 1e-9);
+        CHECK(std::abs(b.velocity.z) < 1e-2);
+      }
+    });
+  }
+}

@@ -1,0 +1,241 @@
+#include <doctest/doctest.h>
+
+#include <cstdlib>
+#include <new>
+#include <rbres/rbres.hpp>
+
+using namespace rbres;
+
+namespace {
+long allocations = 0;
+}
+
+// Counts what the whole program allocates.
+void* operator new(std::size_t size) {
+  ++allocations;
+  if (void* memory = std::malloc(size)) return memory;
+  throw std::bad_alloc();
+}
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+
+namespace {
+
+const Material<double> dull{0.1, 0.5}, lively{0.8, 0.3};
+constexpr auto nothing = [](const auto&, const auto&) { return Wrench<double>{}; };
+
+/// A sphere, a box and a capsule above a floor.
+System<double, 3> mixed(const Material<double>& m) {
+  return {{Body{Sphere{0.1}, 1.0, m}, Body{Box{0.2, 0.1, 0.1}, 2.0, m}, Body{Capsule{0.1, 0.2}, 1.5, m}},
+          {floor_plane(m)}};
+}
+SystemState<double, 3> falling() {
+  SystemState<double, 3> y;
+  for (int i = 0; i < 3; ++i) {
+    y[i].position = {0.1 * i, 0.05 * i, 0.4 + 0.5 * i};
+    y[i].orientation = normalized(Quat<double>{0.1, 0.3, -0.2, 0.9});
+    y[i].angular_velocity = {1, 2, -1};
+  }
+  return y;
+}
+std::string refusal_of(const System<double, 3>& system, SystemState<double, 3> y,
+                       const SimulationOptions& options = {}) {
+  try {
+    simulate(system, y, Gravity{}, Rk4{}, options);
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+}  // namespace
+
+TEST_CASE("bad states and options are refused, and the message names them") {
+  const auto system = mixed(dull);
+  auto y = falling();
+  CHECK(refusal_of(system, y, {.duration = 0.01}) == "");
+  y[1].velocity.y = NAN;
+  CHECK(refusal_of(system, y) == "body 1, state component 8: expected a finite number, found nan");
+  y = falling();
+  y[2].position.x = INFINITY;
+  CHECK(refusal_of(system, y) == "body 2, state component 0: expected a finite number, found inf");
+  y = falling();
+  y[2].orientation = {0, 0, 0, 0};
+  CHECK(refusal_of(system, y) == "body 2, orientation: expected a unit quaternion, found one of length 0");
+  y = falling();
+  y[1].position = y[0].position;
+  CHECK(refusal_of(system, y).starts_with(
+      "body 1 and body 0: expected surfaces apart or touching, found an overlap of "));
+  y = falling();
+  y[0].position.z = 0;
+  CHECK(refusal_of(system, y) ==
+        "body 0 and plane 0: expected surfaces apart or touching, found an overlap of 0.1 m");
+  y = falling();
+  CHECK(refusal_of(system, y, {.step = -1}) == "step: expected a positive time in s, found -1");
+  CHECK(refusal_of(system, y, {.duration = -1}) == "duration: expected a time of 0 s or more, found -1");
+  CHECK(refusal_of(system, y, {.sample_rate = -1}) ==
+        "sample rate: expected a frequency of 0 Hz or more, found -1");
+  CHECK(refusal_of(system, y, {.rest_speed = -1}) == "rest speed: expected 0 m/s or more, found -1");
+  CHECK(refusal_of(system, y, {.max_events = 0}) == "max events: expected 1 or more, found 0");
+}
+
+TEST_CASE("a number that is not finite stops the run and leaves the last good state") {
+  const System<double, 2, Sphere<double>> system{{Body{Sphere{0.1}, 1.0}, Body{Sphere{0.1}, 1.0}}};
+  SystemState<double, 2> y;
+  y[1].position.x = 1;
+  const auto burst = [](const auto&, const auto&, int index, double t) {
+    return Wrench<double>{{index == 1 && t > 0.05 ? NAN : 1.0, 0, 0}, {}};
+  };
+  const auto report = simulate(system, y, burst, Rk4{}, {.step = 0.01, .duration = 1});
+  CHECK(report.status == SimulationStatus::non_finite);
+  CHECK(report.bad_body == 1);
+  CHECK(report.steps == 5);
+  CHECK(report.time == doctest::Approx(0.05));
+  CHECK(y[0].velocity.x == doctest::Approx(0.05));
+  CHECK(y[1].velocity.x == doctest::Approx(0.05));
+}
+
+TEST_CASE("samples come at their times, and an observer changes no bit and may stop the run") {
+  const auto system = mixed(lively);
+  auto plain = falling(), watched = falling(), stopped = falling();
+  const SimulationOptions options{.step = 3e-3, .duration = 1, .sample_rate = 50};
+  simulate(system, plain, Gravity{}, Rk4{}, options);
+  int samples = 0;
+  const auto report = simulate(system, watched, Gravity{}, Rk4{}, options, [&](double time, const auto&) {
+    CHECK(time == doctest::Approx(samples / 50.0));
+    ++samples;
+  });
+  CHECK(samples == 51);
+  CHECK(report.steps == 350);
+  CHECK(plain == watched);
+  const auto early = simulate(system, stopped, Gravity{}, Rk4{}, options,
+                              [](double time, const auto&) { return time < 0.5; });
+  CHECK(early.status == SimulationStatus::stopped);
+  CHECK(early.time == doctest::Approx(0.5));
+}
+
+TEST_CASE("a step allocates nothing") {
+  for (const auto mode : {ContactMode::continuous, ContactMode::discrete}) {
+    const auto system = mixed(lively);
+    auto y = falling();
+    Stepper stepper(system, Gravity{}, Rk4{}, SimulationOptions{.contacts = mode});
+    const long before = allocations;
+    for (int i = 0; i < 2000; ++i) stepper.step(y, 1e-3 * i, 1e-3);
+    CHECK(allocations == before);
+    CHECK(stepper.tally().impacts > 0);
+  }
+}
+
+TEST_CASE("everything comes to rest on the floor and on one another, and stays") {
+  const auto system = mixed(dull);
+  auto y = falling();
+  y[1] = {{0, 0, 0.1}, {}, {}, {}};                                      // a box on the floor,
+  y[2] = {{0, 0, 0.3}, {0, std::sqrt(0.5), 0, std::sqrt(0.5)}, {}, {}};  // a capsule lying on it
+  y[0].position = {2, 0, 0.1};
+  y[0].angular_velocity = {};
+  const auto start = y;
+  const auto report = simulate(system, y, Gravity{}, Rk4{}, {.step = 1e-3, .duration = 2});
+  CHECK(report.overruns == 0);
+  for (int i = 0; i < 3; ++i) CHECK(norm(y[i].position - start[i].position) < 1e-8);
+}
+
+TEST_CASE("a tumbling box settles on the floor without losing itself in events") {
+  const System<double, 1, Box<double>> system{{Body{Box{0.2, 0.1, 0.1}, 2.0, Material<double>{0.9, 0.3}}},
+                                              {floor_plane(Material<double>{0.9, 0.3})}};
+  for (std::uint64_t i = 0; i < 10; ++i) {
+    Random r(1, i);
+    SystemState<double, 1> y;
+    y[0].position.z = 1;
+    y[0].velocity = {r.normal(), r.normal(), r.normal()};
+    y[0].angular_velocity = {3 * r.normal(), 3 * r.normal(), 3 * r.normal()};
+    const auto report = simulate(system, y, Gravity{}, Rk4{}, {.step = 1e-3, .duration = 8});
+    CHECK(report.overruns == 0);
+    CHECK(norm(y[0].velocity) < 1e-9);
+    CHECK(std::min(std::abs(y[0].position.z - 0.1), std::abs(y[0].position.z - 0.2)) < 1e-8);
+  }
+}
+
+TEST_CASE("a stack of boxes stands") {
+  const auto system =
+      System<double, 4, Box<double>>::of(Body{Box{0.1, 0.1, 0.1}, 1.0, dull}, {floor_plane(dull)});
+  SystemState<double, 4> y;
+  for (int i = 0; i < 4; ++i) y[i].position = {0.01 * (i % 2), 0.005 * i, 0.1 + 0.2 * i};
+  simulate(system, y, Gravity{}, Rk4{}, {.step = 1e-3, .duration = 1});
+  for (int i = 0; i < 4; ++i) CHECK(std::abs(y[i].position.z - 0.1 - 0.2 * i) < 1e-6);
+}
+
+TEST_CASE("spheres rest in the corner of a room") {
+  const auto system =
+      System<double, 2, Sphere<double>>::of(Body{Sphere{0.1}, 1.0, dull}, room(0.25, 2.0, dull));
+  SystemState<double, 2> y;
+  y[0].position = {0.15, 0.15, 0.1};
+  y[1].position = {-0.05, 0.15, 0.1};
+  const auto start = y;
+  const auto report = simulate(system, y, Gravity{}, Rk4{}, {.step = 1e-3, .duration = 2});
+  CHECK(report.overruns == 0);
+  for (int i = 0; i < 2; ++i) CHECK(norm(y[i].position - start[i].position) < 1e-9);
+}
+
+TEST_CASE("nothing tunnels: shots at a thin plate and at a ball, in one step") {
+  const System<double, 2> plate{{Body{Box{0.005, 1.0, 1.0}, 1.0, dull}, Body{Sphere{0.01}, 0.1, dull}}};
+  const auto balls = System<double, 2, Sphere<double>>::of(Body{Sphere{0.01}, 1.0, dull});
+  for (std::uint64_t i = 0; i < 200; ++i) {
+    CAPTURE(i);
+    Random r(9, i);
+    SystemState<double, 2> y;
+    y[0].angular_velocity.x = r.uniform(-1, 1);
+    y[1].position = {-5 - r.uniform(), r.uniform(-0.7, 0.7), r.uniform(-0.7, 0.7)};
+    y[1].velocity = {1000, r.uniform(-20, 20), r.uniform(-20, 20)};
+    CHECK(simulate(plate, y, nothing, Rk4{}, {.step = 0.01, .duration = 0.01}).impacts > 0);
+    SystemState<double, 2> z;
+    z[1].position = {-5 - r.uniform(), r.uniform(0, 0.0199), 0};
+    z[1].velocity = {1000, 0, 0};
+    CHECK(simulate(balls, z, nothing, Rk4{}, {.step = 0.01, .duration = 0.01}).impacts == 1);
+  }
+}
+
+TEST_CASE("a row of touching balls hands a blow to the last") {
+  constexpr int N = 20;
+  const auto system = System<double, N, Sphere<double>>::of(Body{Sphere{0.1}, 1.0, Material<double>{1, 0}});
+  SystemState<double, N> y;
+  for (int i = 1; i < N; ++i) y[i].position.x = 0.2 * i;
+  y[0].position.x = -0.3;
+  y[0].velocity.x = 1;
+  simulate(system, y, nothing, Rk4{}, {.step = 1e-3, .duration = 0.5});
+  CHECK(y[N - 1].velocity.x == doctest::Approx(1).epsilon(1e-9));
+  for (int i = 0; i < N - 1; ++i) CHECK(std::abs(y[i].velocity.x) < 1e-9);
+}
+
+TEST_CASE("continuous contact: free flight and impacts do not depend on the step") {
+  const auto run = [](double step) {
+    auto y = falling();
+    for (int i = 0; i < 3; ++i) y[i].position.x = i;
+    simulate(mixed(lively), y, Gravity{}, Rk4{}, {.step = step, .duration = 0.6});
+    return y;
+  };
+  const auto coarse = run(2e-3), fine = run(2.5e-4);
+  for (int i = 0; i < 3; ++i) CHECK(norm(coarse[i].position - fine[i].position) < 1e-6);
+}
+
+TEST_CASE("a ball rolls down a slope at 5/7 of the pull") {
+  const double s = std::sin(0.3), c = std::cos(0.3);
+  const System<double, 1, Sphere<double>> system{{Body{Sphere{0.1}, 1.0, lively}},
+                                                 {Plane<double>{{s, 0, c}, 0, lively}}};
+  SystemState<double, 1> y;
+  y[0].position = {0.1 * s, 0, 0.1 * c};
+  simulate(system, y, Gravity{}, Rk4{}, {.step = 1e-3, .duration = 2});
+  CHECK(norm(y[0].velocity) == doctest::Approx(5.0 / 7 * 9.81 * s * 2).epsilon(1e-9));
+}
+
+TEST_CASE("discrete contact: bodies do not sink, a bounce keeps its restitution to the step") {
+  const System<double, 1, Sphere<double>> system{{Body{Sphere{0.1}, 1.0, lively}}, {floor_plane(lively)}};
+  SystemState<double, 1> y;
+  y[0].position.z = 1.1;
+  double top = 0;
+  simulate(system, y, Gravity{}, Rk4{}, {.step = 1e-4, .duration = 3, .contacts = ContactMode::discrete},
+           [&](double time, const auto& now) {
+             CHECK(now[0].position.z > 0.0999);
+             if (time > 0.5 && time < 1.2) top = std::max(top, now[0].position.z - 0.1);
+           });
+  CHECK(top == doctest::Approx(0.64).epsilon(1e-2));
+}
