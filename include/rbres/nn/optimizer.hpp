@@ -25,7 +25,7 @@ struct Adam {
       moments[0] = beta1 * moments[0] + (1 - beta1) * g;
       moments[1] = beta2 * moments[1] + (1 - beta2) * (g * g);
       if (is_weight) w *= 1 - decay;
-      return w - rate * moments[0] / (detail::square_root_of_lanes(moments[1]) * correction + epsilon);
+      return w - rate * moments[0] / (detail::root_of_lanes(moments[1]) * correction + epsilon);
     }
   };
   template <class T>

@@ -67,7 +67,7 @@ template <class V, class F>
 }
 
 template <class V>
-[[gnu::always_inline]] inline V square_root_of_lanes(const V& x) noexcept {
+[[gnu::always_inline]] inline V root_of_lanes(const V& x) noexcept {
   using Lanes =
       Eigen::Array<std::remove_cvref_t<decltype(V{}[0])>, static_cast<int>(sizeof(V) / sizeof(x[0])), 1>;
   Lanes in;
