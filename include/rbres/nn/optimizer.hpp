@@ -18,8 +18,8 @@ struct Adam {
 
   template <class T>
   struct Rule {
-    // 1 - beta is given too: taken from a float beta2 it would be off by 1e-5.
-    T beta1, beta2, rest1, rest2, rate, correction, epsilon,
+    T beta1, rest1, beta2, rest2;  ///< rest: 1 - beta, taken in double: in float 1 - 0.999f is wrong by 5e-5
+    T rate, correction, epsilon,
         decay;  ///< correction: 1 / sqrt(1 - beta2^step); decay: of a weight per step
     template <class V>
     [[gnu::always_inline]] V operator()(V w, const V& g, V* moments, bool is_weight) const noexcept {
@@ -33,8 +33,8 @@ struct Adam {
   Rule<T> rule(double rate, std::uint64_t step) const noexcept {
     const double t = static_cast<double>(step);
     return {static_cast<T>(beta1),
-            static_cast<T>(beta2),
             static_cast<T>(1 - beta1),
+            static_cast<T>(beta2),
             static_cast<T>(1 - beta2),
             static_cast<T>(rate / (1 - std::pow(beta1, t))),
             static_cast<T>(1 / std::sqrt(1 - std::pow(beta2, t))),

@@ -63,7 +63,7 @@ template <class T>
 /// lane.
 template <class V, class F>
 [[gnu::always_inline]] inline V map_lanes(const V& x, F f) noexcept {
-  V y;
+  V y{};
   for (std::size_t i = 0; i < sizeof(V) / sizeof(x[0]); ++i) y[i] = f(x[i]);
   return y;
 }
