@@ -56,7 +56,6 @@ class Rollouts {
     std::vector<State> states;
     for (const State* start : measured) states.push_back(*start);
     std::fill(gradient_.begin(), gradient_.end(), T{});
-    backpropagation_.transpose(predictor.network);
     for (Adjoint& adjoint : adjoints_) adjoint.setZero();
     for (Step& step : steps_) forward(predictor, turns, states, step);
     for (std::size_t t = steps_.size(); t-- > 0;) {
