@@ -1,13 +1,12 @@
 #pragma once
 
-#include <benchmark/benchmark.h>
-
 #include <cmath>
 #include <cstddef>
 #include <numeric>
 #include <string>
 #include <vector>
 
+#include "network_rows.hpp"
 #include "uniform.hpp"
 
 /// The network of the benchmark, described once and in plain C++, so that every library computes the same:
@@ -62,32 +61,27 @@ inline std::vector<float> samples(int batch, int features) {
 }
 
 /// One row of inference. Library(layers, batch) is built outside the time; run(input) returns the outputs.
-/// Their root mean square is a counter, so that a reader sees that all libraries computed the same.
+/// Their root mean square is a counter, so that a reader sees that all peers computed the same.
 template <class Library>
 void infer(benchmark::State& state, int blocks, int batch) {
   Library library(network(blocks), batch);
   const std::vector<float> input = samples(batch, inputs);
   const float* result = nullptr;
-  for (auto _ : state) benchmark::DoNotOptimize(result = library.run(input.data()));
+  measure(state, "us_per_call", batch * forward_operations(blocks),
+          [&] { benchmark::DoNotOptimize(result = library.run(input.data())); });
   const auto count = static_cast<std::size_t>(batch * outputs);
   state.counters["output_rms"] =
       std::sqrt(std::inner_product(result, result + count, result, 0.0) / double(count));
-  using benchmark::Counter;
-  state.counters["us_per_call"] =
-      Counter(static_cast<double>(state.iterations()) * 1e-6, Counter::kIsRate | Counter::kInvert);
   state.SetLabel(library.mode());
 }
 
 /// Registers infer/K../B../LIBRARY for all sizes.
 template <class Library>
-bool register_inference(const std::string& library) {
+void register_inference(const std::string& library) {
   for (const int blocks : {10, 4})
-    for (const int batch : {1, 8, 64, 256, 1024})
-      benchmark::RegisterBenchmark(
-          ("infer/K" + std::to_string(blocks) + "/B" + std::to_string(batch) + "/" + library).c_str(),
-          infer<Library>, blocks, batch)
+    for (const int batch : infer_batches)
+      benchmark::RegisterBenchmark(infer_row(blocks, batch, library).c_str(), infer<Library>, blocks, batch)
           ->Unit(benchmark::kMicrosecond);
-  return true;
 }
 
 }  // namespace rbres::bench

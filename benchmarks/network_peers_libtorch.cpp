@@ -204,27 +204,19 @@ void train(benchmark::State& state, int blocks, int batch, int threads) {
     });
   const Setting best = settings[fastest(works)];
   set_threads(best.torch, best.blas);
-  const auto start = std::chrono::steady_clock::now();
-  for (auto _ : state) training.step();
-  const std::chrono::duration<double, std::micro> time = std::chrono::steady_clock::now() - start;
+  measure(
+      state, "us_per_step", 0, [&] { training.step(); }, threads == 1 ? thread_seconds : wall_seconds);
   state.counters["loss"] = training.loss();
-  const auto steps = static_cast<double>(state.iterations());
-  // Processor time for one thread, which other work on the machine disturbs less; wall time for more.
-  using benchmark::Counter;
-  state.counters["us_per_step"] = threads == 1 ? Counter(steps * 1e-6, Counter::kIsRate | Counter::kInvert)
-                                               : Counter(time.count() / steps);
   state.SetLabel("threads: operators " + std::to_string(best.torch) + ", BLAS " + std::to_string(best.blas));
 }
 
 const bool registered = [] {
   register_inference<LibtorchInference>("libtorch");
   for (const int blocks : {10, 4})
-    for (const int batch : {64, 1024})
+    for (const int batch : train_batches)
       for (const int threads : {1, 2})
-        benchmark::RegisterBenchmark(("train/K" + std::to_string(blocks) + "/B" + std::to_string(batch) +
-                                      "/T" + std::to_string(threads) + "/libtorch")
-                                         .c_str(),
-                                     train, blocks, batch, threads)
+        benchmark::RegisterBenchmark(train_row(blocks, batch, threads, "libtorch").c_str(), train, blocks,
+                                     batch, threads)
             ->Unit(benchmark::kMicrosecond);
   return true;
 }();

@@ -79,7 +79,7 @@ class OneDnn {
   std::vector<Step> steps_;
 };
 
-const bool registered = register_inference<OneDnn>("onednn");
+const bool registered = (register_inference<OneDnn>("onednn"), true);
 
 }  // namespace
 }  // namespace rbres::bench

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <sstream>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -117,7 +118,11 @@ inline int run_benchmarks(int argc, char** argv) {
   benchmark::Initialize(&count, arguments.data());
   if (benchmark::ReportUnrecognizedArguments(count, arguments.data())) return 1;
   RatioReporter reporter;
-  benchmark::RunSpecifiedBenchmarks(&reporter);
+  const bool console = std::none_of(argv + 1, argv + argc, [](const char* flag) {
+    return std::string_view(flag) == "--benchmark_format=json" ||
+           std::string_view(flag) == "--benchmark_format=csv";
+  });
+  benchmark::RunSpecifiedBenchmarks(console ? &reporter : nullptr);
   benchmark::Shutdown();
   return 0;
 }

@@ -198,7 +198,6 @@ TEST_CASE("the same gradients") {
   std::vector<std::uint32_t> order(64);
   for (std::uint32_t i = 0; i < 64; ++i) order[i] = 3 * i;
   Backpropagation<Paper<float>> backpropagation(64);
-  backpropagation.transpose(shared.network);
   const double our_loss = backpropagation.run(shared.network, shared.samples(), {}, order, {}, 1, true);
   AlignedBuffer<float> gradient(Paper<float>::block_size);
   backpropagation.parameter_gradient(

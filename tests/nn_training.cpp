@@ -254,18 +254,35 @@ TEST_CASE("outputs without weight carry no loss, and their targets change nothin
   CHECK(std::isfinite(b.state().progress.best_loss));
 }
 
-TEST_CASE("dropout keeps the asked share, scaled so that the mean stays") {
-  constexpr int size = 64, samples = 500;
-  std::array<double, size> factor{};
+TEST_CASE("dropout keeps the asked share, scaled so that the mean stays, as a function of the sample") {
+  constexpr std::ptrdiff_t size = 72, samples = 500;
+  std::vector<double> factors(std::size_t{size * samples}), other(factors.size());
+  for (std::ptrdiff_t r = 0; r < samples; ++r)
+    detail::fill_dropout({.rate = 0.2, .seed = 1, .step = 2}, 3, size,
+                         detail::Panels<double>{factors.data(), samples}, r);
   double sum = 0, zeros = 0;
-  for (int r = 0; r < samples; ++r) {
-    detail::fill_dropout(DropoutMask{.rate = 0.2, .seed = 1, .step = 2}, 3, r, size, factor.data());
-    for (const double f : factor) {
-      sum += f / (size * samples);
-      zeros += f == 0 ? 1.0 / (size * samples) : 0;
-      CHECK((f == 0 || f == doctest::Approx(1.25).epsilon(1e-4)));
-    }
+  for (const double f : factors) {
+    sum += f / (size * samples);
+    zeros += f == 0 ? 1.0 / (size * samples) : 0;
+    REQUIRE((f == 0 || f == doctest::Approx(1.25).epsilon(1e-4)));
   }
   CHECK(zeros == doctest::Approx(0.2).epsilon(0.05));
   CHECK(sum == doctest::Approx(1).epsilon(0.02));
+
+  for (std::ptrdiff_t r = samples; r-- > 0;)
+    detail::fill_dropout({.rate = 0.2, .seed = 1, .step = 2}, 3, size,
+                         detail::Panels<double>{other.data(), samples}, r);
+  CHECK(factors == other);
+  detail::fill_dropout({.rate = 0.2, .seed = 1, .step = 3}, 3, size,
+                       detail::Panels<double>{other.data(), samples}, 0);
+  CHECK(factors != other);
+}
+
+TEST_CASE("blocks of Philox side by side are those of Philox") {
+  std::uint32_t words[4][16];
+  detail::philox_blocks(0xfffffff8u, 7, 8, 0x80000009u, 0x0123456789abcdefu, words);
+  for (std::uint32_t b = 0; b < 16; ++b) {
+    const auto expected = philox4x32({0xfffffff8u + b, 7, 8, 0x80000009u}, {0x89abcdefu, 0x01234567u});
+    for (std::size_t w = 0; w < 4; ++w) CHECK(words[w][b] == expected[w]);
+  }
 }

@@ -1,5 +1,5 @@
-#include "../examples/tosses/training.hpp"
 #include "../examples/tosses/simulator.hpp"
+#include "../examples/tosses/training.hpp"
 
 #include <doctest/doctest.h>
 
@@ -139,8 +139,7 @@ TEST_CASE("a prediction knows neither place, heading nor the names of the cube's
   REQUIRE(std::sqrt(squared_norm(next.velocity - free_flight(state).velocity)) > 1e-3);
 
   const Quat<double> heading = rotation_of({0, 0, 1.1});
-  const Quat<double> relabelled = rotation_of(std::numbers::pi / 2 * Vec3<double>{1, 0, 0}) *
-                                  rotation_of(std::numbers::pi / 2 * Vec3<double>{0, 1, 0});
+  const Quat<double> relabelled = rotation_of({std::numbers::pi / 2, 0, 0});
   State other{rotate(heading, state.position) + Vec3<double>{3, -2, 0},
               heading * state.orientation * relabelled, rotate(heading, state.velocity),
               rotate_back(relabelled, state.angular_velocity)};
@@ -232,7 +231,7 @@ TEST_CASE("the gradient through a rollout is that of central differences") {
   rollouts.run(predictor, starts, turns);
   const auto adjoints = rollouts.adjoints();
   const auto gradient = rollouts.gradient();
-  REQUIRE(adjoints[0].allFinite());
+  REQUIRE(std::ranges::any_of(gradient, [](double g) { return std::abs(g) > 1e-3; }));
 
   const double h = 1e-6;
   for (int i = 0; i < count; ++i) {

@@ -103,7 +103,7 @@ inline bool draw_trade_off(const Figure& figure, const std::vector<LabelledPoint
     void add(double x) { low = std::min(low, std::log10(x)), high = std::max(high, std::log10(x)); }
     void to_decades() {
       if (!(low <= high)) low = high = 0;
-      low = std::floor(low - 0.1), high = std::ceil(high + 0.1);
+      low = std::floor(low - 0.02), high = std::ceil(high + 0.02);
     }
     double share(double x) const { return (std::log10(x) - low) / (high - low); }
   } x_range, y_range;
@@ -124,7 +124,10 @@ inline bool draw_trade_off(const Figure& figure, const std::vector<LabelledPoint
   std::ostringstream data, settings, plot;
   std::vector<detail::Spot> spots;
   std::vector<std::string> labels, colours;
-  std::vector<detail::Rectangle> obstacles;
+  // Labels may reach into the margin below the legend.
+  const detail::Rectangle room{area.left, area.bottom, detail::canvas_width - 5, area.top};
+  std::vector<detail::Rectangle> obstacles{
+      {area.right, area.top - 24 * static_cast<double>(groups.size()) - 8, room.right, area.top}};
   for (std::size_t i = 0; i < groups.size(); ++i) {
     const LabelledPoints& group = groups[i];
     const std::size_t first = spots.size();
@@ -143,7 +146,7 @@ inline bool draw_trade_off(const Figure& figure, const std::vector<LabelledPoint
       const int pieces = 1 + static_cast<int>(std::hypot(b.x - a.x, b.y - a.y) / 5);
       for (int piece = 1; piece < pieces; ++piece) {
         const double t = static_cast<double>(piece) / pieces;
-        obstacles.push_back(detail::around({a.x + t * (b.x - a.x), a.y + t * (b.y - a.y)}, 2));
+        obstacles.push_back(detail::around({a.x + t * (b.x - a.x), a.y + t * (b.y - a.y)}, 3));
       }
     }
     if (spots.size() == first) data << "NaN NaN ''\n";  // every group keeps its index
@@ -155,11 +158,10 @@ inline bool draw_trade_off(const Figure& figure, const std::vector<LabelledPoint
   const auto screen = [](double x, double y) {
     return rbres::detail::text("screen ", x / detail::canvas_width, ", screen ", y / detail::canvas_height);
   };
-  const auto places = detail::place_labels(spots, labels, obstacles, area);
+  const auto places = detail::place_labels(spots, labels, obstacles, room);
   for (std::size_t i = 0; i < places.size(); ++i) {
     const auto& place = places[i];
-    const double x = std::clamp(spots[i].x, place.left, place.right);
-    const double y = std::clamp(spots[i].y, place.bottom, place.top);
+    const detail::Spot near = place.nearest(spots[i]);
     // From the side that faces the point, as a viewer's font may be narrower than the estimate.
     const bool right_of = place.left > spots[i].x, left_of = place.right < spots[i].x;
     settings << "set label " << detail::quoted(labels[i]) << " noenhanced font ',9' textcolor '" << colours[i]
@@ -173,9 +175,9 @@ inline bool draw_trade_off(const Figure& figure, const std::vector<LabelledPoint
                                  : (place.left + place.right) / 2,
                        (place.bottom + place.top) / 2)
              << '\n';
-    if (std::hypot(x - spots[i].x, y - spots[i].y) > 14)
+    if (std::hypot(near.x - spots[i].x, near.y - spots[i].y) > detail::leader_length)
       settings << "set arrow nohead linecolor '#a0a0a0' linewidth 0.7 from " << screen(spots[i].x, spots[i].y)
-               << " to " << screen(x, y) << '\n';
+               << " to " << screen(near.x, near.y) << '\n';
   }
   settings << "set lmargin at screen " << left << "\nset rmargin at screen " << right
            << "\nset bmargin at screen " << bottom << "\nset tmargin at screen " << top << '\n'

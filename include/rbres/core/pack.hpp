@@ -4,8 +4,10 @@
 #include <cstdint>
 #include <cstring>
 #include <rbres/core/scalar.hpp>
-#if defined(__SSE2__)
-#include <immintrin.h>
+#if defined(__AVX__)
+#include <immintrin.h>  // much slower to include than the next
+#elif defined(__SSE2__)
+#include <emmintrin.h>
 #endif
 
 namespace rbres {

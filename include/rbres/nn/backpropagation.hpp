@@ -4,149 +4,116 @@
 #include <rbres/nn/loss.hpp>
 #include <rbres/nn/network.hpp>
 
-#include <array>
+#include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <span>
-#include <vector>
 
 namespace rbres {
 
 /// Gradients of a loss by all parameters (and by the inputs) over one batch. Keeps the activations of `batch`
-/// samples and a transposed copy of the weights; allocates only when built.
+/// samples; allocates only when built. No bit of a result depends on the number of threads.
 template <class Net>
 class Backpropagation {
   using T = typename Net::Scalar;
   using Passes = typename Net::Passes;
   using Compiled = typename Net::Compiled;
+  using Tape = typename Passes::Tape;
 
  public:
   /// For batches of up to `batch` samples.
   explicit Backpropagation(Eigen::Index batch)
-      : capacity_(batch),
-        tape_(static_cast<std::size_t>(batch) * Passes::tape_row),
-        transposed_(transposed_offset(Compiled::stage_count)),
+      : capacity_(((batch + 7) / 8 | 1) * 8),  // as Network's chunk
+        values_(static_cast<std::size_t>(capacity_ * Tape::sample_size)),
+        gradients_(values_.size()),
         losses_(static_cast<std::size_t>(batch)) {}
 
-  /// The mean loss over the samples order[0], ..., order[count - 1], and everything that gradients are made
-  /// from. The bits do not depend on the number of threads. Call transpose() first after the network has
-  /// changed.
+  /// The mean loss over the samples order[0], order[1], ..., at most as many as a batch has, and all that
+  /// gradients are made from. The threads (0: default_threads()) share the samples.
   double run(const Net& network, const Samples<T>& samples, const Loss<T>& loss,
              std::span<const std::uint32_t> order, const DropoutMask& mask, int threads,
              bool to_input = false) {
-    const auto count = static_cast<Eigen::Index>(order.size());
-    const auto tape = view();
+    count_ = static_cast<Eigen::Index>(order.size());
+    const T* parameters = network.parameters().data();
+    const Tape tape{values_.data(), gradients_.data(), capacity_};
     const int team = threads > 0 ? threads : default_threads();
-    const Eigen::Index share = (count + team - 1) / team;
-    parallel_for((count + share - 1) / share, team, [&](std::ptrdiff_t task) {
-      const Eigen::Index first = task * share, rows = std::min(share, count - first);
-      for (Eigen::Index r = first; r < first + rows; ++r) {
-        const T* x = samples.inputs.data() + order[static_cast<std::size_t>(r)] * Net::input_size;
-        std::fill(std::copy_n(x, Net::input_size, tape.value(0, r)), tape.value(0, r + 1), T{});
-      }
-      Passes::record(network.parameters().data(), tape, first, static_cast<int>(rows), mask);
-      for (Eigen::Index r = first; r < first + rows; ++r)
-        losses_[static_cast<std::size_t>(r)] =
-            start_backward(tape, r, samples, loss, order[static_cast<std::size_t>(r)], count);
-      Passes::backward(
-          tape, first, static_cast<int>(rows), to_input, [&](auto s, const T* in, const auto& finish) {
-            constexpr detail::Stage stage = Compiled::stage(s);
-            detail::multiply<T>(static_cast<int>(rows), 0, detail::padded<T>(stage.inputs), stage.outputs,
-                                detail::Left<T>{in, Passes::stride, 1},
-                                detail::Right<T>{transposed_.data() + transposed_offset(s), detail::lanes<T>,
-                                                 stage.outputs * detail::lanes<T>},
-                                finish);
-          });
+    const Eigen::Index share = (count_ + team - 1) / team;
+    parallel_for((count_ + share - 1) / share, team, [&](std::ptrdiff_t task) {
+      const Eigen::Index first = task * share, last = std::min(count_, first + share);
+      const int count = static_cast<int>(last - first);
+      for (Eigen::Index c = first; c < last; ++c)
+        Passes::template put<Net::input_size>(
+            samples.inputs.data() + std::ptrdiff_t{order[static_cast<std::size_t>(c)]} * Net::input_size,
+            tape.value(0), c);
+      Passes::record(parameters, tape, first, count, mask);
+      for (Eigen::Index c = first; c < last; ++c)
+        losses_[static_cast<std::size_t>(c)] =
+            start(tape, c, samples, loss, order[static_cast<std::size_t>(c)]);
+      Passes::backward(parameters, tape, first, count, to_input);
     });
-    rows_ = count;
     double sum = 0;
-    for (Eigen::Index r = 0; r < count; ++r) sum += losses_[static_cast<std::size_t>(r)];
-    return sum / static_cast<double>(count);
+    for (Eigen::Index c = 0; c < count_; ++c) sum += losses_[static_cast<std::size_t>(c)];
+    return sum / static_cast<double>(count_);
   }
 
-  /// Copies the transposes of all weights.
-  void transpose(const Net& network) {
-    detail::unrolled<Compiled::stage_count>([&](auto s) {
-      constexpr detail::Stage stage = Compiled::stage(s);
-      if constexpr (stage.has_linear)
-        detail::transpose_panels<T>(stage.outputs, stage.inputs,
-                                    network.parameters().data() + Passes::offset(s),
-                                    transposed_.data() + transposed_offset(s));
-    });
-  }
-
-  /// sink(place, g, is_weight) for every register g of the gradient by the parameters, at `place` of the
-  /// block, each once, from several threads.
+  /// sink(place, g, is_weight) for every register g of the last run's gradient by the parameters, at `place`
+  /// of the block, each once. The threads share the parameters, so that a sink may update what it gets on the
+  /// spot.
   template <class Sink>
   void parameter_gradient(int threads, const Sink& sink) const {
-    parallel_for(Compiled::stage_count, threads, [&](std::ptrdiff_t task) {
+    const Tape tape{const_cast<T*>(values_.data()), const_cast<T*>(gradients_.data()), capacity_};
+    parallel_for(task_count, threads, [&](std::ptrdiff_t task) {
       detail::unrolled<Compiled::stage_count>([&](auto s) {
         constexpr detail::Stage stage = Compiled::stage(s);
         if constexpr (stage.has_linear)
-          if (task == s) stage_gradient<s>(sink);
+          if (task >= 0 && task < groups(s))
+            detail::linear_gradient<stage.inputs, stage.outputs, T>(
+                static_cast<int>(task), static_cast<int>(count_), {tape.value(s).data, tape.samples},
+                {tape.gradient(s + 1).data, tape.samples}, Passes::offset(s), sink);
+        task -= groups(s);
       });
     });
   }
 
   /// The gradient by the inputs of the last run with to_input, a column for each sample.
-  auto input_gradient() const {
-    using Matrix = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
-    return Eigen::Map<const Matrix, 0, Eigen::OuterStride<>>(view().gradient(0, 0), Net::input_size, rows_,
-                                                             Eigen::OuterStride<>(Passes::stride));
+  typename Net::Columns input_gradient() const {
+    const Tape tape{nullptr, const_cast<T*>(gradients_.data()), capacity_};
+    typename Net::Columns columns(Net::input_size, count_);
+    for (Eigen::Index c = 0; c < count_; ++c)
+      Passes::template take<Net::input_size>(tape.gradient(0), c, columns.col(c).data());
+    return columns;
   }
 
  private:
-  static constexpr std::size_t transposed_offset(int s) {
-    std::size_t sum = 0;
-    for (int t = 0; t < s; ++t)
-      if (const auto& stage = Compiled::stage(t); stage.has_linear)
-        sum += static_cast<std::size_t>(detail::padded<T>(stage.inputs)) *
-               static_cast<std::size_t>(stage.outputs);
+  /// A Linear's gradient is made in tasks of one group of outputs.
+  static constexpr int groups(int s) {
+    const int outputs = detail::padded<T>(Compiled::stage(s).outputs),
+              most = detail::tile_vectors * detail::simd_width<T>;
+    return Compiled::stage(s).has_linear ? (outputs + most - 1) / most : 0;
+  }
+  static constexpr int task_count = [] {
+    int sum = 0;
+    for (int s = 0; s < Compiled::stage_count; ++s) sum += groups(s);
     return sum;
-  }
+  }();
 
-  typename Passes::Tape view() const {
-    T* numbers = const_cast<T*>(tape_.data());
-    return {numbers, numbers + tape_.size() / 2, capacity_};
-  }
-
-  /// The loss of row r, and its gradient by the last stage's z.
-  static double start_backward(const typename Passes::Tape& tape, Eigen::Index r, const Samples<T>& samples,
-                               const Loss<T>& loss, Eigen::Index sample, Eigen::Index count) {
-    T* last = tape.gradient(Compiled::stage_count, r);
-    std::array<T, Net::output_size> gradient;
-    const double value =
-        loss.evaluate(samples, sample, tape.value(Compiled::stage_count, r), gradient.data());
-    const T scale = T{1} / static_cast<T>(count);
-    for (std::size_t o = 0; o < gradient.size(); ++o)
-      last[o] = scale * gradient[o] * (Passes::output_has_slope ? last[o] : T{1});
-    std::fill(last + Net::output_size, last + Passes::stride, T{});
+  /// The loss of sample c of the batch, and its gradient by the last stage's z.
+  double start(const Tape& tape, Eigen::Index c, const Samples<T>& samples, const Loss<T>& loss,
+               Eigen::Index sample) const {
+    typename Net::Output output, gradient;
+    Passes::template take<Net::output_size>(tape.value(Compiled::stage_count), c, output.data());
+    const double value = loss.evaluate(samples, sample, output.data(), gradient.data());
+    gradient /= static_cast<T>(count_);
+    if constexpr (Passes::output_has_slope) {
+      Passes::template take<Net::output_size>(tape.gradient(Compiled::stage_count), c, output.data());
+      gradient.array() *= output.array();
+    }
+    Passes::template put<Net::output_size>(gradient.data(), tape.gradient(Compiled::stage_count), c);
     return value;
   }
 
-  template <int S, class Sink>
-  void stage_gradient(const Sink& sink) const {
-    constexpr detail::Stage stage = Compiled::stage(S);
-    constexpr int width = detail::simd_width<T>, lanes = detail::lanes<T>;
-    const auto tape = view();
-    const int rows = static_cast<int>(rows_);
-    const T* g = tape.gradient(S + 1, 0);
-    constexpr std::size_t offset = Passes::offset(S), bias = offset + Passes::weight_size(S);
-    detail::multiply<T>(
-        stage.inputs, 0, detail::padded<T>(stage.outputs), rows,
-        detail::Left<T>{tape.value(S, 0), 1, Passes::stride}, detail::Right<T>{g, Passes::stride, lanes},
-        [&](int i, int lane, detail::Simd<T> sum) {
-          sink(offset + static_cast<std::size_t>((lane / lanes * stage.inputs + i) * lanes + lane % lanes),
-               sum, true);
-        });
-    for (int lane = 0; lane < detail::padded<T>(stage.outputs); lane += width) {
-      detail::Simd<T> sum{};
-      for (int r = 0; r < rows; ++r) sum += detail::load(g + std::ptrdiff_t{r} * Passes::stride + lane);
-      sink(bias + static_cast<std::size_t>(lane), sum, false);
-    }
-  }
-
-  Eigen::Index capacity_, rows_ = 0;
-  AlignedBuffer<T> tape_, transposed_;
+  Eigen::Index capacity_, count_ = 0;
+  AlignedBuffer<T> values_, gradients_;
   AlignedBuffer<double> losses_;
 };
 

@@ -2,16 +2,19 @@
 
 #include <rbres/nn/simd.hpp>
 
-#include <array>
+#include <algorithm>
 #include <cstddef>
+#include <type_traits>
 #include <utility>
 
-/// The one matrix kernel. Matrices of weights stand in panels of 64 bytes: number (o, i) of an Out x In
-/// matrix is number (o / lanes * In + i) * lanes + o % lanes, with zeros up to the next multiple of `lanes`
-/// outputs. The layout is the same for every instruction set.
+/// The one matrix kernel. Every matrix stands in panels of 64 bytes: number (r, c) of a matrix with C columns
+/// is number (r / lanes * C + c) * lanes + r % lanes, with zeros up to the next multiple of `lanes` rows.
+/// Weights have outputs as rows and inputs as columns; activations have features as rows and samples as
+/// columns. So whatever the kernel walks along lies in sequence. The layout is the same for every instruction
+/// set.
 namespace rbres::detail {
 
-/// Numbers in one row of a panel.
+/// Numbers in one column of a panel.
 template <class T>
 inline constexpr int lanes = static_cast<int>(64 / sizeof(T));
 
@@ -21,131 +24,186 @@ constexpr int padded(int n) {
   return (n + lanes<T> - 1) / lanes<T> * lanes<T>;
 }
 
-/// Distance of two samples in a buffer of activations: an odd number of cache lines, so that columns of
-/// samples do not fall into the same few sets of the cache.
+/// A matrix in panels, or what is right of and below one of its numbers.
 template <class T>
-constexpr int activation_stride(int n) {
-  return (padded<T>(n) / lanes<T> | 1) * lanes<T>;
-}
+struct Panels {
+  T* data;
+  std::ptrdiff_t columns;  ///< of the whole matrix
+  [[gnu::always_inline]] T* at(std::ptrdiff_t row, std::ptrdiff_t column) const noexcept {
+    const auto r = static_cast<std::size_t>(row);  // without a sign, division is a shift
+    constexpr std::size_t length = lanes<std::remove_const_t<T>>;
+    return data +
+           (static_cast<std::ptrdiff_t>(r / length) * columns + column) * lanes<std::remove_const_t<T>> +
+           r % length;
+  }
+  [[gnu::always_inline]] Panels from(std::ptrdiff_t row, std::ptrdiff_t column) const noexcept {
+    return {at(row, column), columns};
+  }
+};
 
-/// Left factor a[r, k] at data[r * row + k * step].
-template <class T>
+/// A left factor a(r, k) at data[r * Row + k / lanes * panel + k % lanes * Step].
+template <class T, int Row, int Step>
 struct Left {
   const T* data;
-  std::ptrdiff_t row, step;
+  std::ptrdiff_t panel;
 };
-
-/// Right factor b[k, lane] at data[lane / lanes * panel + k * step + lane % lanes].
+/// a(r, k) = x(k, r)
 template <class T>
-struct Right {
-  const T* data;
-  std::ptrdiff_t step, panel;
-};
+Left<T, lanes<T>, 1> columns_as_rows(Panels<const T> x) noexcept {
+  return {x.data, x.columns * lanes<T>};
+}
+/// a(r, k) = x(r, k), for rows of one panel
+template <class T>
+Left<T, 1, lanes<T>> rows_as_rows(Panels<const T> x) noexcept {
+  return {x.data, lanes<T> * lanes<T>};
+}
 
-/// Registers of accumulators that the tile below takes: Rows x Vectors.
+/// Accumulators that fill the registers: at most tile_rows x tile_vectors of them.
 #if defined(__AVX512F__)
-inline constexpr int tile_rows = 6, tile_vectors = 4;
+inline constexpr int tile_rows = 14, tile_vectors = 2;
 #else
 inline constexpr int tile_rows = 6, tile_vectors = 2;
 #endif
 
-/// finish(r, lane, sum over k of a[r, k] * b[k, lane...]) for Rows rows and Vectors registers from `lane` on.
-/// Each sum is taken in the order of k whatever the tile, so that the result does not depend on how rows are
-/// split.
-template <int Rows, int Vectors, class T, class Finish>
-[[gnu::always_inline]] inline void tile(int depth, Left<T> a, Right<T> b, int row, int lane,
-                                        const Finish& finish) {
+/// finish(r, lane, sum over k of a(r, k) * b(lane..., k)) for Rows rows and Vectors registers of lanes. Each
+/// sum is taken in the order of k whatever the tile, so that the result does not depend on how rows are
+/// split. Fetches `ahead` meanwhile.
+template <int Rows, int Vectors, class T, int Row, int Step, class Finish>
+[[gnu::always_inline]] inline void tile(std::ptrdiff_t depth, Left<T, Row, Step> a, Panels<const T> b,
+                                        const T* ahead, const Finish& finish) {
   constexpr int width = simd_width<T>;
   Simd<T> sum[Rows][Vectors] = {};
-  const T* left = a.data + row * a.row;
-  const T* right[Vectors];
-  for (int v = 0; v < Vectors; ++v) {
-    const int at = lane + v * width;
-    right[v] = b.data + at / lanes<T> * b.panel + at % lanes<T>;
-  }
-  for (int k = 0; k < depth; ++k) {
-    Simd<T> column[Vectors];
-#pragma GCC unroll 4
-    for (int v = 0; v < Vectors; ++v) column[v] = load(right[v] + k * b.step);
+  const T* right = b.data;
+  for (std::ptrdiff_t panel = 0; panel < depth; panel += lanes<T>, a.data += a.panel) {
+    const std::ptrdiff_t count = std::min<std::ptrdiff_t>(lanes<T>, depth - panel);
+    for (std::ptrdiff_t k = 0; k < count; ++k, right += lanes<T>, ahead += lanes<T>) {
+      __builtin_prefetch(ahead, 0, 2);
+      Simd<T> column[Vectors];
 #pragma GCC unroll 16
-    for (int r = 0; r < Rows; ++r) {
-      const T x = left[r * a.row + k * a.step];
-#pragma GCC unroll 4
-      for (int v = 0; v < Vectors; ++v) sum[r][v] += x * column[v];
+      for (int v = 0; v < Vectors; ++v) column[v] = load(Panels<const T>{right, b.columns}.at(v * width, 0));
+#pragma GCC unroll 16
+      for (int r = 0; r < Rows; ++r) {
+        const T x = a.data[r * Row + k * Step];
+#pragma GCC unroll 16
+        for (int v = 0; v < Vectors; ++v) sum[r][v] += x * column[v];
+      }
     }
   }
 #pragma GCC unroll 16
   for (int r = 0; r < Rows; ++r)
-#pragma GCC unroll 4
-    for (int v = 0; v < Vectors; ++v) finish(row + r, lane + v * width, sum[r][v]);
+#pragma GCC unroll 16
+    for (int v = 0; v < Vectors; ++v) finish(r, v * width, sum[r][v]);
 }
 
-template <int Vectors, class T, class Finish>
-[[gnu::always_inline]] inline void tiles_of_lane(int rows, int depth, Left<T> a, Right<T> b, int lane,
-                                                 const Finish& finish) {
-  const int count = (rows + tile_rows - 1) / tile_rows;  // as even as possible: 8 rows are 4 + 4
-  for (int t = 0, row = 0; t < count; ++t) {
-    const int now = (rows - row + count - t - 1) / (count - t);
-    [&]<int... R>(std::integer_sequence<int, R...>) {
-      ((now == R + 1 ? tile<R + 1, Vectors>(depth, a, b, row, lane, finish) : void()), ...);
+/// The same for any number of rows, in tiles as even as possible, all of an even number of rows but a last
+/// single one: so there are half as many tiles to compile.
+template <int Vectors, class T, int Row, int Step, class Finish>
+[[gnu::always_inline]] inline void tiles(int rows, std::ptrdiff_t depth, Left<T, Row, Step> a,
+                                         Panels<const T> b, const Finish& finish) {
+  constexpr int panels = std::max(1, Vectors * simd_width<T> / lanes<T>);
+  const int count = (rows + tile_rows - 1) / tile_rows;
+  for (int t = 0, row = 0; row < rows; ++t) {
+    const int left = rows - row, even = t < count ? (left / 2 + count - t - 1) / (count - t) * 2 : 0;
+    const int now = even > 0 ? even : 1;
+    const T* ahead = b.at((t < panels ? panels + t : 0) * lanes<T>, 0);  // the panels of the next lanes, once
+    const Left<T, Row, Step> from{a.data + row * Row, a.panel};
+    const auto shifted = [&finish, row ](int r, int lane, const Simd<T>& z) __attribute__((always_inline)) {
+      finish(row + r, lane, z);
+    };
+    [&]<int... R>(std::integer_sequence<int, R...>) __attribute__((always_inline)) {
+      ((now == 2 * R + 2 ? tile<2 * R + 2, Vectors>(depth, from, b, ahead, shifted) : void()), ...);
     }
-    (std::make_integer_sequence<int, tile_rows>{});
+    (std::make_integer_sequence<int, tile_rows / 2>{});
+    if (now == 1) tile<1, Vectors>(depth, from, b, ahead, shifted);
     row += now;
   }
 }
 
-/// finish(r, lane, (a b)[r, lane...]) for all rows and `columns` lanes from `first` on.
-template <class T, class Finish>
-void multiply(int rows, int first, int columns, int depth, Left<T> a, Right<T> b, const Finish& finish) {
-  constexpr int width = simd_width<T>;
-  int lane = first;
-  for (; lane + tile_vectors * width <= first + columns; lane += tile_vectors * width)
-    tiles_of_lane<tile_vectors>(rows, depth, a, b, lane, finish);
-  for (; lane < first + columns; lane += width) tiles_of_lane<1>(rows, depth, a, b, lane, finish);
-}
+/// How `Lanes` lanes fall into groups of at most tile_vectors registers, as even as possible, the larger
+/// first.
+template <class T, int Lanes>
+struct Groups {
+  static constexpr int registers = Lanes / simd_width<T>;
+  static constexpr int count = (registers + tile_vectors - 1) / tile_vectors;
+  static constexpr int vectors = registers / count, larger = registers % count;
+  static constexpr int first_lane(int group) {
+    return (group * vectors + std::min(group, larger)) * simd_width<T>;
+  }
 
-/// finish(0, lane, (W x)[lane...]) for one sample. Memory bounds it, so it walks the panels from first to
-/// last.
+  /// finish(r, lane, (a b)(r, lane...)) for all rows and the lanes of one group, from which on b stands.
+  template <int Row, int Step, class Finish>
+  [[gnu::always_inline]] static void multiply(int group, int rows, std::ptrdiff_t depth, Left<T, Row, Step> a,
+                                              Panels<const T> b, const Finish& finish) {
+    const int first = first_lane(group);
+    const auto shifted = [&finish, first ](int r, int lane, const Simd<T>& z) __attribute__((always_inline)) {
+      finish(r, first + lane, z);
+    };
+    if constexpr (larger > 0)
+      if (group < larger) return tiles<vectors + 1>(rows, depth, a, b, shifted);
+    tiles<vectors>(rows, depth, a, b, shifted);
+  }
+};
+
+/// finish(0, lane, (W x)(lane...)) for one sample x in sequence. Memory bounds it, so it walks the panels in
+/// sequence.
 template <class T, class Finish>
-void multiply_row(int out, int in, const T* weights, const T* x, const Finish& finish) {
+[[gnu::always_inline]] inline void multiply_row(int out, std::ptrdiff_t in, const T* weights, const T* x,
+                                                const Finish& finish) {
   constexpr int width = simd_width<T>, vectors = lanes<T> / width, parts = 4;
-  for (int lane = 0; lane < padded<T>(out); lane += lanes<T>) {
+  for (int lane = 0; lane < out; lane += lanes<T>, weights += in * lanes<T>) {
     Simd<T> sum[parts][vectors] = {};
-    const auto add = [&](int k, int part) {
+    const auto add = [&](std::ptrdiff_t k, int part) {
+#pragma GCC unroll 16
       for (int v = 0; v < vectors; ++v) sum[part][v] += x[k] * load(weights + k * lanes<T> + v * width);
     };
-    int k = 0;
-    for (; k + parts <= in; k += parts)
+    const std::ptrdiff_t whole = in / parts * parts;
+    for (std::ptrdiff_t k = 0; k < whole; k += parts) {
+      __builtin_prefetch(weights + k * lanes<T> + 4096 / sizeof(T));
+#pragma GCC unroll 16
       for (int part = 0; part < parts; ++part) add(k + part, part);
-    for (; k < in; ++k) add(k, 0);
+    }
+    for (std::ptrdiff_t k = whole; k < in; ++k) add(k, 0);
+#pragma GCC unroll 16
     for (int v = 0; v < vectors; ++v)
       finish(0, lane + v * width, (sum[0][v] + sum[1][v]) + (sum[2][v] + sum[3][v]));
-    weights += std::ptrdiff_t{in} * lanes<T>;
   }
 }
 
-/// to = Wᵀ y for one sample, with zeros up to the next whole panel.
+/// One step of the transposition of a square of registers: exchanges the lanes of a whose number has `Bit`
+/// with those of b whose number has not.
+template <int Bit, class V, int... J>
+[[gnu::always_inline]] inline void exchange(V& a, V& b, std::integer_sequence<int, J...>) noexcept {
+  constexpr int width = sizeof...(J);
+  const V low = __builtin_shufflevector(a, b, ((J & Bit) != 0 ? width + J - Bit : J)...);
+  b = __builtin_shufflevector(a, b, ((J & Bit) != 0 ? width + J : J + Bit)...);
+  a = low;
+}
+
+/// to(i, o) = weights(o, first + i) for all outputs and `count` inputs, a multiple of the register; zeros
+/// beyond the last.
 template <class T>
-void multiply_row_transposed(int out, int in, const T* weights, const T* y, T* to) {
+inline void transpose(int out, int in, Panels<const T> weights, int first, int count, Panels<T> to) noexcept {
   constexpr int width = simd_width<T>;
-  for (int i = 0; i < padded<T>(in); ++i) {
-    to[i] = 0;
-    if (i >= in) continue;
-    Simd<T> sum{};
-    for (int lane = 0; lane < padded<T>(out); lane += width)
-      sum += load(y + lane) * load(weights + (lane / lanes<T> * in + i) * lanes<T> + lane % lanes<T>);
-    for (int l = 0; l < width; ++l) to[i] += sum[l];
-  }
-}
-
-/// Panels of the transpose of an Out x In matrix of panels.
-template <class T>
-void transpose_panels(int out, int in, const T* from, T* to) {
-  for (int p = 0; p < padded<T>(out) / lanes<T>; ++p)
-    for (int i = 0; i < in; ++i)
-      for (int l = 0; l < lanes<T> && p * lanes<T> + l < out; ++l)
-        to[(i / lanes<T> * out + p * lanes<T> + l) * lanes<T> + i % lanes<T>] =
-            from[(p * in + i) * lanes<T> + l];
+  for (int o = 0; o < padded<T>(out); o += width)
+    for (int i = 0; i < count; i += width) {
+      Simd<T> square[width];
+#pragma GCC unroll 16
+      for (int r = 0; r < width; ++r)
+        square[r] = first + i + r < in ? load(weights.at(o, first + i + r)) : Simd<T>{};
+      const auto step = [&]<int Bit>(std::integral_constant<int, Bit>) {
+        if constexpr (Bit < width)
+#pragma GCC unroll 16
+          for (int r = 0; r < width; ++r)
+            if ((r & Bit) == 0)
+              exchange<Bit>(square[r], square[r + Bit], std::make_integer_sequence<int, width>{});
+      };
+      step(std::integral_constant<int, 1>{});
+      step(std::integral_constant<int, 2>{});
+      step(std::integral_constant<int, 4>{});
+      step(std::integral_constant<int, 8>{});
+#pragma GCC unroll 16
+      for (int r = 0; r < width; ++r) store(to.at(i, o + r), square[r]);
+    }
 }
 
 }  // namespace rbres::detail

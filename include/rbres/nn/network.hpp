@@ -103,7 +103,7 @@ class Network {
   class Workspace {
    public:
     Workspace()
-        : numbers_(std::max(static_cast<std::size_t>(chunk * slot_size * slot_count), Passes::tape_row)) {}
+        : numbers_(static_cast<std::size_t>(std::max(chunk * Passes::slots_size, 2 * Tape::sample_size))) {}
 
    private:
     friend Network;
@@ -149,10 +149,12 @@ class Network {
 
   /// The prediction for one sample. Allocates nothing.
   Output forward(const Input& x) const noexcept {
-    alignas(64) T slots[slot_size * slot_count];
-    put(x, slots + input_slot * slot_size);
-    Passes::forward(1, parameters_.data(), slots, slot_size);
-    return Eigen::Map<const Output>(slots + output_slot * slot_size);
+    alignas(64) T slots[static_cast<std::size_t>(Passes::slots_size)];
+    Output y;
+    Passes::template put<input_size>(x.data(), Passes::slot(slots, 1, 0), 0);
+    Passes::forward(1, parameters_.data(), slots, 1);
+    Passes::template take<output_size>(Passes::slot(slots, 1, Compiled::stage_count), 0, y.data());
+    return y;
   }
 
   /// The same on any other scalar, such as Eigen's AutoDiffScalar: plain loops, and the heap.
@@ -170,57 +172,52 @@ class Network {
                Eigen::Ref<Columns, 0, Eigen::OuterStride<>> outputs, Workspace& workspace) const {
     detail::expect_shape("Network::forward: inputs", inputs, input_size, inputs.cols());
     detail::expect_shape("Network::forward: outputs", outputs, output_size, inputs.cols());
-    T* in = workspace.numbers_.data() + input_slot * chunk * slot_size;
-    T* out = workspace.numbers_.data() + output_slot * chunk * slot_size;
+    T* slots = workspace.numbers_.data();
     for (Eigen::Index first = 0; first < inputs.cols(); first += chunk) {
-      const auto rows = std::min<Eigen::Index>(chunk, inputs.cols() - first);
-      Rows(in, input_size, rows, Eigen::OuterStride<>(slot_size)) = inputs.middleCols(first, rows);
-      Passes::forward(static_cast<int>(rows), parameters_.data(), workspace.numbers_.data(),
-                      chunk * slot_size);
-      outputs.middleCols(first, rows) = Rows(out, output_size, rows, Eigen::OuterStride<>(slot_size));
+      const int count = static_cast<int>(std::min<Eigen::Index>(chunk, inputs.cols() - first));
+      const std::ptrdiff_t room = count == 1 ? 1 : chunk;
+      for (int c = 0; c < count; ++c)
+        Passes::template put<input_size>(inputs.col(first + c).data(), Passes::slot(slots, room, 0), c);
+      Passes::forward(count, parameters_.data(), slots, room);
+      for (int c = 0; c < count; ++c)
+        Passes::template take<output_size>(Passes::slot(slots, room, Compiled::stage_count), c,
+                                           outputs.col(first + c).data());
     }
   }
 
   /// J v: the derivative of the prediction at x along the input's direction v. Allocates nothing.
   Output jvp(const Input& x, const Input& v, Workspace& workspace) const noexcept {
-    const auto tape = record(x, workspace);
-    put(v, tape.gradient(0, 0));
+    const Tape tape = record(x, workspace);
+    Output y;
+    Passes::template put<input_size>(v.data(), tape.gradient(0), 0);
     Passes::tangent(parameters_.data(), tape);
-    return Eigen::Map<const Output>(tape.gradient(Compiled::stage_count, 0));
+    Passes::template take<output_size>(tape.gradient(Compiled::stage_count), 0, y.data());
+    return y;
   }
 
   /// Jᵀ w: the gradient by the input, at x, of the inner product of w and the prediction. Allocates nothing.
   Input vjp(const Input& x, const Output& w, Workspace& workspace) const noexcept {
-    const auto tape = record(x, workspace);
-    T* last = tape.gradient(Compiled::stage_count, 0);
-    for (int i = 0; i < output_size; ++i) last[i] = w[i] * (Passes::output_has_slope ? last[i] : T{1});
-    std::fill(last + output_size, last + slot_size, T{});
-    Passes::backward(tape, 0, 1, true, [&](auto s, const T* in, const auto& finish) {
-      constexpr detail::Stage stage = Compiled::stage(s);
-      alignas(64) T product[slot_size];
-      detail::multiply_row_transposed<T>(stage.outputs, stage.inputs, parameters_.data() + Passes::offset(s),
-                                         in, product);
-      for (int lane = 0; lane < detail::padded<T>(stage.inputs); lane += detail::simd_width<T>)
-        finish(0, lane, detail::load(product + lane));
-    });
-    return Eigen::Map<const Input>(tape.gradient(0, 0));
+    const Tape tape = record(x, workspace);
+    Input gradient;
+    Output last = w;
+    if constexpr (Passes::output_has_slope)
+      for (int i = 0; i < output_size; ++i) last[i] *= *tape.gradient(Compiled::stage_count).at(i, 0);
+    Passes::template put<output_size>(last.data(), tape.gradient(Compiled::stage_count), 0);
+    Passes::backward(parameters_.data(), tape, 0, 1, true);
+    Passes::template take<input_size>(tape.gradient(0), 0, gradient.data());
+    return gradient;
   }
 
  private:
-  using Rows = Eigen::Map<Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>, 0, Eigen::OuterStride<>>;
-  static constexpr std::ptrdiff_t chunk =
-      96;  // samples that go through all layers while they are in the cache
-  static constexpr std::ptrdiff_t slot_size = Passes::stride, slot_count = Compiled::slot_count;
-  static constexpr std::ptrdiff_t input_slot = Compiled::slots.front(), output_slot = Compiled::slots.back();
+  using Tape = typename Passes::Tape;
+  /// Samples that go through all layers while they are in the cache; an odd multiple of 8, so that panels do
+  /// not fall into the same few sets of it.
+  static constexpr std::ptrdiff_t chunk = 104;
 
-  static void put(const Input& x, T* row) noexcept {
-    std::copy_n(x.data(), input_size, row);
-    std::fill(row + input_size, row + slot_size, T{});
-  }
-  typename Passes::Tape record(const Input& x, Workspace& workspace) const noexcept {
+  Tape record(const Input& x, Workspace& workspace) const noexcept {
     T* numbers = workspace.numbers_.data();
-    const typename Passes::Tape tape{numbers, numbers + Passes::tape_row / 2, 1};
-    put(x, tape.value(0, 0));
+    const Tape tape{numbers, numbers + Tape::sample_size, 1};
+    Passes::template put<input_size>(x.data(), tape.value(0), 0);
     Passes::record(parameters_.data(), tape, 0, 1, DropoutMask{});
     return tape;
   }

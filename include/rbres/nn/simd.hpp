@@ -1,11 +1,13 @@
 #pragma once
 
-#include <Eigen/Core>
-
 #include <cmath>
 #include <cstddef>
 #include <cstring>
 #include <type_traits>
+
+#ifdef __SSE2__
+#include <immintrin.h>
+#endif
 
 namespace rbres::detail {
 
@@ -66,16 +68,29 @@ template <class V, class F>
   return y;
 }
 
+/// The exact square root of every lane. (A loop of std::sqrt is not made one instruction, as it may have to
+/// set errno.)
 template <class V>
 [[gnu::always_inline]] inline V root_of_lanes(const V& x) noexcept {
-  using Lanes =
-      Eigen::Array<std::remove_cvref_t<decltype(V{}[0])>, static_cast<int>(sizeof(V) / sizeof(x[0])), 1>;
-  Lanes in;
-  std::memcpy(in.data(), &x, sizeof x);
-  in = in.sqrt();
-  V y;
-  std::memcpy(&y, in.data(), sizeof y);
-  return y;
+  [[maybe_unused]] constexpr bool single = sizeof(x[0]) == sizeof(float);
+#if defined(__AVX512F__)  // zero-masked with every lane kept: the plain forms warn inside GCC 12's header
+  if constexpr (single)
+    return (V)_mm512_maskz_sqrt_ps(0xffff, (__m512)x);
+  else
+    return (V)_mm512_maskz_sqrt_pd(0xff, (__m512d)x);
+#elif defined(__AVX__)
+  if constexpr (single)
+    return (V)_mm256_sqrt_ps((__m256)x);
+  else
+    return (V)_mm256_sqrt_pd((__m256d)x);
+#elif defined(__SSE2__)
+  if constexpr (single)
+    return (V)_mm_sqrt_ps((__m128)x);
+  else
+    return (V)_mm_sqrt_pd((__m128d)x);
+#else
+  return map_lanes(x, [](auto lane) { return std::sqrt(lane); });
+#endif
 }
 
 }  // namespace rbres::detail

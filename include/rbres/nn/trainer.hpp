@@ -118,7 +118,6 @@ class Trainer {
     if (!loss_.output_weights.empty() && loss_.output_weights.size() != Net::output_size)
       detail::refuse("Trainer: output weights", detail::text(Net::output_size, " numbers or none"),
                      loss_.output_weights.size());
-    gradients_.transpose(state_.network);
   }
 
   const TrainingOptions& options() const noexcept { return options_; }
@@ -134,7 +133,6 @@ class Trainer {
       detail::refuse("Trainer::restore: moments", detail::text(state_.moments.size(), " numbers"),
                      state.moments.size());
     state_ = std::move(state);
-    gradients_.transpose(state_.network);
   }
 
   /// One pass over the training samples in a new order, and one over the validation samples. Does nothing
@@ -230,7 +228,6 @@ class Trainer {
                                     for (std::size_t i = 0; i < Optimizer::moment_count; ++i)
                                       detail::store(moments + i * Net::block_size + at, m[i]);
                                   });
-    gradients_.transpose(state_.network);
   }
 
   void judge(double loss) {
