@@ -5,8 +5,8 @@
 #include <cstring>
 #include <string>
 
-#include "tosses/training.hpp"
 #include "tosses/simulator.hpp"
+#include "tosses/training.hpp"
 
 namespace {
 

@@ -3,7 +3,10 @@ add_test(NAME include_arrows
   COMMAND ${CMAKE_COMMAND} -DINCLUDE=${PROJECT_SOURCE_DIR}/include -P ${CMAKE_CURRENT_SOURCE_DIR}/include_arrows.cmake)
 
 file(GLOB_RECURSE headers CONFIGURE_DEPENDS RELATIVE ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR}/include/rbres/*.hpp)
-if(NOT TARGET nlohmann_json::nlohmann_json)
+if(TARGET rbres::io)
+  set(library rbres::io)
+else()
+  set(library rbres::rbres)
   list(FILTER headers EXCLUDE REGEX "rbres/io")
 endif()
 set(alone "")
@@ -14,7 +17,7 @@ foreach(header IN LISTS headers)
   list(APPEND alone ${source})
 endforeach()
 add_library(rbres_self_contained OBJECT EXCLUDE_FROM_ALL ${alone})
-target_link_libraries(rbres_self_contained PRIVATE rbres::rbres rbres::io rbres_development)
+target_link_libraries(rbres_self_contained PRIVATE ${library} rbres_development)
 
 get_target_property(eigen_folders Eigen3::Eigen INTERFACE_INCLUDE_DIRECTORIES)
 set(compile_pair ${CMAKE_CXX_COMPILER} -std=c++20 -fsyntax-only -I${PROJECT_SOURCE_DIR}/include -I${eigen_folders}

@@ -56,7 +56,7 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
     }
     drawn &= figures::draw_trade_off(
         figure("error_against_time-" + label, "Error against cost, " + ahead.str(),
-               "microseconds per scenario, one thread", "mean square position error, m^2"),
+               "microseconds per scenario, one thread", "mean square position error, m²"),
         {rk4, trivial, networks});
 
     // Rollouts.
@@ -65,8 +65,8 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
       if (method != "time") curves.push_back({method, results["rollout"][label]["time"], m["position"]});
     }
     drawn &= figures::draw_curves(
-        figure("rollout-" + label, "Rollouts, " + where, "time, s", "mean square position error, m^2"),
-        curves, {.log_y = true});
+        figure("rollout-" + label, "Rollouts, " + where, "time, s", "mean square position error, m²"), curves,
+        {.log_y = true});
 
     const Unit* unit = shown_unit(plan, world, BodySet::standard, h);
     if (unit == nullptr) continue;
@@ -97,7 +97,7 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
       add(2, baselines["RK4 20 ms"]["families"][family]);
     }
     drawn &= figures::draw_quartiles(figure("families-" + label, "Quartiles over scenarios, " + ahead.str(),
-                                            "", "mean square position error, m^2"),
+                                            "", "mean square position error, m²"),
                                      families, series);
   }
   std::printf("\nFigures: %s%s\n", folder.c_str(), drawn ? "" : (" " + figures::how_to_draw(folder)).c_str());

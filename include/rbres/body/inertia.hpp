@@ -37,9 +37,9 @@ template <class S>
 PrincipalInertia<S> principal_inertia(const Eigen::Matrix<S, 3, 3>& tensor,
                                       const std::string& what = "body") {
   if (!tensor.allFinite())
-    detail::refuse(detail::text(what, ", inertia tensor"), "finite numbers", "\n" + detail::text(tensor));
+    detail::refuse(detail::text(what, ", inertia tensor"), "finite numbers", detail::text("\n", tensor));
   if ((tensor - tensor.transpose()).cwiseAbs().maxCoeff() > as<S>(1e-6) * tensor.cwiseAbs().maxCoeff()) {
-    detail::refuse(detail::text(what, ", inertia tensor"), "a symmetric matrix", "\n" + detail::text(tensor));
+    detail::refuse(detail::text(what, ", inertia tensor"), "a symmetric matrix", detail::text("\n", tensor));
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<S, 3, 3>> solver(tensor);
   Eigen::Matrix<S, 3, 3> axes = solver.eigenvectors();

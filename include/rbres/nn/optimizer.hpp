@@ -18,12 +18,13 @@ struct Adam {
 
   template <class T>
   struct Rule {
-    T beta1, beta2, rate, correction, epsilon,
+    // 1 - beta is given too: taken from a float beta2 it would be off by 1e-5.
+    T beta1, beta2, rest1, rest2, rate, correction, epsilon,
         decay;  ///< correction: 1 / sqrt(1 - beta2^step); decay: of a weight per step
     template <class V>
     [[gnu::always_inline]] V operator()(V w, const V& g, V* moments, bool is_weight) const noexcept {
-      moments[0] = beta1 * moments[0] + (1 - beta1) * g;
-      moments[1] = beta2 * moments[1] + (1 - beta2) * (g * g);
+      moments[0] = beta1 * moments[0] + rest1 * g;
+      moments[1] = beta2 * moments[1] + rest2 * (g * g);
       if (is_weight) w *= 1 - decay;
       return w - rate * moments[0] / (detail::root_of_lanes(moments[1]) * correction + epsilon);
     }
@@ -33,6 +34,8 @@ struct Adam {
     const double t = static_cast<double>(step);
     return {static_cast<T>(beta1),
             static_cast<T>(beta2),
+            static_cast<T>(1 - beta1),
+            static_cast<T>(1 - beta2),
             static_cast<T>(rate / (1 - std::pow(beta1, t))),
             static_cast<T>(1 / std::sqrt(1 - std::pow(beta2, t))),
             static_cast<T>(epsilon),
