@@ -4,8 +4,8 @@
 #include <dlfcn.h>
 #include <torch/torch.h>
 
-#include <chrono>
 #include <functional>
+#include <limits>
 
 #include "network_peers.hpp"
 
@@ -21,17 +21,17 @@ void set_threads(int torch_threads, int blas_threads) {
     reinterpret_cast<void (*)(int)>(symbol)(blas_threads);
 }
 
-/// Runs each mode's work a few times; returns the index of the fastest.
+/// Runs each mode's work in turn, three times for at least 2 ms; returns the index of the fastest.
 std::size_t fastest(const std::vector<std::function<void()>>& works) {
-  using Clock = std::chrono::steady_clock;
   std::size_t best = 0;
-  auto least = Clock::duration::max();
-  for (int round = 0; round < 4; ++round)
+  double least = std::numeric_limits<double>::infinity();
+  for (int round = 0; round < 3; ++round)
     for (std::size_t i = 0; i < works.size(); ++i) {
-      const auto start = Clock::now();
-      for (int call = 0; call < 5; ++call) works[i]();
-      const auto time = Clock::now() - start;
-      if (round > 0 && time < least) least = time, best = i;  // the first round warms up
+      const double start = wall_seconds();
+      double passed = 0.0;
+      int calls = 0;
+      for (; passed < 2e-3; passed = wall_seconds() - start, ++calls) works[i]();
+      if (round > 0 && passed / calls < least) least = passed / calls, best = i;  // the first round warms up
     }
   return best;
 }
