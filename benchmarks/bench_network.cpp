@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "environment.hpp"
 #include "network_rows.hpp"
 #include "ratio_reporter.hpp"
 
@@ -51,6 +52,7 @@ const bool registered = (register_rows<10>(), register_rows<4>(), true);
 }  // namespace rbres::bench
 
 int main(int argc, char** argv) {
+  rbres::bench::settle_environment(argv);
   std::fprintf(stderr, "peak of one core: %.1f GFLOP/s in float, registers of %zu bytes\n",
                1e-9 * rbres::bench::peak(0.05), rbres::detail::simd_bytes);
   return rbres::bench::run_benchmarks(argc, argv);

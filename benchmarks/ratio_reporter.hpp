@@ -11,8 +11,6 @@
 #include <utility>
 #include <vector>
 
-#include "environment.hpp"
-
 namespace rbres::bench {
 
 /// Prints the median of each row, and at the end how many times longer each peer took than rbres's row of the
@@ -107,7 +105,6 @@ class RatioReporter : public benchmark::ConsoleReporter {
 /// order, so that a machine that slows down for a while slows every row; all flags of Google Benchmark still
 /// hold.
 inline int run_benchmarks(int argc, char** argv) {
-  settle_environment(argv);
   std::string defaults[]{"--benchmark_enable_random_interleaving=true", "--benchmark_repetitions=5",
                          "--benchmark_min_time=0.1"};
   std::vector<char*> arguments{argv[0]};
