@@ -10,7 +10,8 @@ int main() {
   const auto nothing = [](const auto&, const auto&) { return Wrench<double>{}; };
 
   SystemState<double, 1> state;
-  state[0].angular_velocity = {0.002, 5.0, 0.001};  // rad/s, in the box's own axes: about the middle one, nearly
+  state[0].angular_velocity = {0.002, 5.0,
+                               0.001};  // rad/s, in the box's own axes: about the middle one, nearly
 
   std::printf("time [s]   spin about the middle axis [rad/s]\n");
   simulate(system, state, nothing, Rk4{}, {.step = 1e-3, .duration = 20, .sample_rate = 2},

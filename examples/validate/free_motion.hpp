@@ -151,7 +151,8 @@ inline void complex_box(Rows& rows) {
 inline void dzhanibekov(Rows& rows) {
   const System<double, 1> box{{Body{Box{0.20, 0.10, 0.05}, 2.0}}};
   SystemState<double, 1> y;
-  // For this box equal parts would lie on the way into the unstable axis, and only rounding would make it flip.
+  // For this box equal parts would lie on the way into the unstable axis, and only rounding would make it
+  // flip.
   y[0].angular_velocity = {0.002, 5, 0.001};
   const double energy = kinetic_energy(box[0], y[0]);
   const Vec3<double> momentum = spin_momentum(box[0], y[0]);
