@@ -77,7 +77,9 @@ TEST_CASE("lanes give what single runs give") {
       CHECK(found.second > 16);  // or it would prove little
     };
     check(difference<Pack<double, 8>>(spheres, mode, 500), 1e-9);
-    check(difference<Pack<double, 8>>(boxes, mode, 300), 1e-9);
+    // Resting boxes are solved to 1e-11 m/s in each step, by a sweep more or less where rounding decides;
+    // impacts multiply what that leaves.
+    check(difference<Pack<double, 8>>(boxes, mode, 300), mode == ContactMode::discrete ? 1e-9 : 1e-8);
     // Impacts multiply rounding by about ten each.
     check(difference<Pack<float, 16>>(spheres, mode, 250), 5e-4);
     check(difference<Pack<float, 16>>(boxes, mode, 150), 5e-4);
