@@ -48,7 +48,7 @@ struct Plan {
 /// About a minute on two cores: the standard set in both worlds at two horizons.
 inline Plan quick_plan() {
   Plan plan{{0.02, 0.1, 0.5}, {}, {BodySet::standard}, 100, 20, 3, 20, 1};
-  const Protocol small{6000, 12};
+  const Protocol small{20'000, 16};
   for (const World world : {World::free_space, World::room}) {
     for (const std::size_t h : {std::size_t{1}, std::size_t{2}}) {
       plan.units.push_back(
