@@ -53,13 +53,15 @@ double mechanical_energy(const Vec3<S>& moments, const S& mass, const RigidState
 }  // namespace detail
 
 /// A prediction's quaternion put on the truth's side.
-inline Eigen::Vector4d near_side(const Eigen::Vector4d& q, const Eigen::Vector4d& truth) {
-  return q.dot(truth) < 0 ? Eigen::Vector4d(-q) : q;
+template <class Derived>
+Eigen::Vector4d near_side(const Eigen::MatrixBase<Derived>& q, const Eigen::Vector4d& truth) {
+  return q.dot(truth) < 0 ? Eigen::Vector4d(-q) : Eigen::Vector4d(q);
 }
 
 /// Compares predictions (65 x n, column c for scenario first + c) with truth at horizon h.
-inline Metrics measure(const ScenarioData& data, std::size_t h, Eigen::Index first,
-                       const Eigen::MatrixXd& predicted, const Vec3<double>& moments, double mass) {
+template <class Data>
+Metrics measure(const Data& data, std::size_t h, Eigen::Index first, const Eigen::MatrixXd& predicted,
+                const Vec3<double>& moments, double mass) {
   Metrics m;
   std::vector<double> relative[4];
   double energy_error = 0, energy = 0, sx = 0, sy = 0, sxx = 0, syy = 0, sxy = 0;
@@ -68,7 +70,8 @@ inline Metrics measure(const ScenarioData& data, std::size_t h, Eigen::Index fir
     const auto scenario = static_cast<std::size_t>(first + c);
     const bool collided = static_cast<double>(data.first_contact[scenario]) <= data.horizons[h] + 1e-6;
     for (int b = 0; b < data.body_count[scenario]; ++b) {
-      Eigen::Matrix<double, 13, 1> truth = data.states[h].col(first + c).segment<13>(13 * b).cast<double>();
+      Eigen::Matrix<double, 13, 1> truth =
+          data.states[h].col(first + c).template segment<13>(13 * b).template cast<double>();
       Eigen::Matrix<double, 13, 1> guess = predicted.col(c).segment<13>(13 * b);
       guess.segment<4>(3) = near_side(guess.segment<4>(3), truth.segment<4>(3));
       const Eigen::Matrix<double, 13, 1> error = guess - truth;

@@ -7,16 +7,18 @@
 namespace rbres {
 
 /// Scenario c as it starts, and where truth is at horizon h, in the types that a predictor takes. Absent
-/// bodies stand at the origin.
-inline SystemState<double, ScenarioData::bodies> state_of(const ScenarioData::Columns& columns,
-                                                          Eigen::Index c, int present) {
+/// bodies stand at the origin. (Templates, here and below, so that only those who call them compile them.)
+template <class Columns>
+SystemState<double, ScenarioData::bodies> state_of(const Columns& columns, Eigen::Index c, int present) {
   SystemState<double, ScenarioData::bodies> y;
-  y.vector().head(13 * present) = columns.col(c).head(13 * present).cast<double>();
+  const auto* from = columns.data() + c * columns.rows();
+  std::copy_n(from, 13 * present, &y[0].position.x);
   return y;
 }
-inline std::array<Wrench<double>, ScenarioData::bodies> wrench_of(const ScenarioData& data, Eigen::Index c) {
+template <class Data>
+std::array<Wrench<double>, ScenarioData::bodies> wrench_of(const Data& data, Eigen::Index c) {
   std::array<Wrench<double>, ScenarioData::bodies> w;
-  Eigen::Map<Eigen::VectorXd>(&w[0].force.x, 30) = data.wrench.col(c).cast<double>();
+  std::copy_n(data.wrench.data() + c * data.wrench.rows(), 30, &w[0].force.x);
   return w;
 }
 
