@@ -188,7 +188,7 @@ void cluster(std::uint64_t stream, bool elastic, Worst& linear, Worst& angular, 
 
 inline void momentum(Rows& rows) {
   const int clusters = 1000;
-  Worst linear, angular, rise, change, none;
+  Worst linear, angular, rise, change;
   long impacts = 0, elastic_impacts = 0;
   for (std::uint64_t i = 0; i < clusters; ++i) {
     const auto run = [&]<int N>(std::integral_constant<int, N>) {

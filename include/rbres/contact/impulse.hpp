@@ -212,9 +212,10 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
     make(i);
     for (std::size_t d = 0; d < 3; ++d) before[d][i] = point(i).velocity(d, first, second);
     const S& speed = before[0][i];
-    active[i] = touching[i] & (speed <= S(0));
+    const MaskOf<S> comes = speed <= S(0), hits = speed < -least_speed;
+    active[i] = touching[i] & comes;
     target[i] = select(speed < -rest_speed, S(-surface.restitution * speed), S(0));
-    hit = hit | (active[i] & (speed < -least_speed));
+    hit = hit | (active[i] & hits);
     for (std::size_t d = 0; d < 3; ++d)
       fastest = maximum(fastest, select(active[i], S(abs(before[d][i])), S(0)));
   }
