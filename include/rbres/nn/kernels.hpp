@@ -83,7 +83,7 @@ template <int Rows, int Vectors, class T, int Row, int Step, class Finish>
       for (int v = 0; v < Vectors; ++v) column[v] = load(Panels<const T>{right, b.columns}.at(v * width, 0));
 #pragma GCC unroll 16
       for (int r = 0; r < Rows; ++r) {
-        const T x = a.data[r * Row + k * Step];
+        const T x = a.data[std::ptrdiff_t{r} * Row + k * Step];
 #pragma GCC unroll 16
         for (int v = 0; v < Vectors; ++v) sum[r][v] += x * column[v];
       }
