@@ -78,8 +78,8 @@ auto scenario_forces() {
 /// All forces of a scenario, or of the scenarios in S's lanes.
 template <BodySet Set, class S, int N>
 auto scenario_forces(const ConstantWrench<S, N>& wrench) {
-  return Forces{Gravity{}, FluidFriction<double>{.drag = Set == BodySet::standard ? 0.47 : 1.05},
-                Damping<double>{.linear = 0.05, .angular = 0.05}, wrench};
+  const auto [gravity, friction, damping] = scenario_forces<Set>().models;
+  return Forces{gravity, friction, damping, wrench};
 }
 
 /// Draws scenarios of one world.
