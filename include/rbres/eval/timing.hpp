@@ -1,0 +1,53 @@
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstddef>
+#include <functional>
+#include <rbres/eval/metrics.hpp>
+#include <vector>
+
+namespace rbres {
+
+/// Something to time.
+struct TimedCall {
+  std::function<void()> run;
+  double scenarios;  ///< that one run takes care of
+};
+
+/// Microseconds per scenario over several rounds.
+struct Spread {
+  double median = 0, low = 0, high = 0;
+};
+
+/// Times calls side by side: in each round all of them in turn, so that whatever else the machine does
+/// disturbs all alike. A call that is over in less than `least` seconds is repeated within its turn.
+inline std::vector<Spread> time_side_by_side(const std::vector<TimedCall>& calls, int rounds,
+                                             double least = 1e-3) {
+  const auto seconds = [](const TimedCall& call, long repeats) {
+    const auto start = std::chrono::steady_clock::now();
+    for (long i = 0; i < repeats; ++i) call.run();
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
+  std::vector<long> repeats;
+  for (const TimedCall& call : calls) {
+    const double warm = seconds(call, 1);
+    repeats.push_back(1 + static_cast<long>(std::min(least / std::max(warm, 1e-9), 1e6)));
+  }
+  std::vector<std::vector<double>> found(calls.size());
+  for (int round = 0; round < rounds; ++round) {
+    for (std::size_t i = 0; i < calls.size(); ++i) {
+      const double done = calls[i].scenarios * static_cast<double>(repeats[i]);
+      found[i].push_back(1e6 * seconds(calls[i], repeats[i]) / done);
+    }
+  }
+  std::vector<Spread> spreads;
+  for (const auto& rounds_of : found) {
+    spreads.push_back(
+        {detail::quantile(rounds_of, 0.5), detail::quantile(rounds_of, 0), detail::quantile(rounds_of, 1)});
+  }
+  return spreads;
+}
+
+}  // namespace rbres
