@@ -97,6 +97,10 @@ inline void check_horizons(const std::vector<double>& horizons, double sample_ra
   }
 }
 
+/// Scenarios that are simulated at a time: all families and body counts in equal shares. Which scenarios
+/// share lanes depends on it, and so do the last bits of truth where boxes rest.
+inline constexpr Eigen::Index scenario_piece = 2304;
+
 /// Columns start ... start + count - 1 of `data`: scenarios first + start, ...
 template <BodySet Set>
 void generate_piece(const ScenarioSampler<Set>& sampler, std::uint64_t first, Eigen::Index start,
@@ -144,9 +148,8 @@ ScenarioData generate(const ScenarioSampler<Set>& sampler, std::uint64_t first, 
       std::vector<std::uint8_t>(n),
       std::vector<Family>(n),
       std::vector<float>(n, std::numeric_limits<float>::infinity())};
-  constexpr Eigen::Index piece = 2304;  // all families and body counts in equal shares
-  for (Eigen::Index start = 0; start < count; start += piece) {
-    const Eigen::Index size = std::min(piece, count - start);
+  for (Eigen::Index start = 0; start < count; start += detail::scenario_piece) {
+    const Eigen::Index size = std::min(detail::scenario_piece, count - start);
     detail::generate_piece(sampler, first, start, size, options, data);
     for (const auto& states : data.states) {
       for (Eigen::Index c = start; c < start + size; ++c) {
