@@ -40,6 +40,7 @@ void check_equal(const ScenarioData& a, const ScenarioData& b) {
   CHECK(a.body_count == b.body_count);
   CHECK(a.family == b.family);
   CHECK(a.first_contact == b.first_contact);
+  CHECK(a.impacts == b.impacts);
 }
 
 }  // namespace
@@ -56,6 +57,8 @@ TEST_CASE("what is read is what generate gives") {
   ScenarioData part = generate(sampler, 0, detail::scenario_piece, horizons);
   part.horizons.erase(part.horizons.begin());
   part.states.erase(part.states.begin());
+  part.impacts = part.impacts.bottomRows(1).eval();
+  CHECK(part.impacts.sum() > 20);  // or it would prove little
   check_equal(read_dataset(folder / "a/b", sampler, detail::scenario_piece, {0.06}), part);
 }
 
@@ -63,7 +66,7 @@ TEST_CASE("the bytes are the same for any number of threads") {
   const TemporaryFolder folder;
   make(folder / "1", -1, 1);
   const auto one = files(folder / "1");
-  CHECK(one.size() == 8);
+  CHECK(one.size() == 9);
   CHECK(one.at("initial.npy").size() == 128 + 4 * 65 * static_cast<std::size_t>(count));
   CHECK(one.at("family.npy").substr(128, 4) == std::string("\3\4\3\4"));
   for (const int threads : {2, 4}) {
@@ -82,6 +85,7 @@ TEST_CASE("stopped and resumed is unbroken") {
     const auto path = folder / ("stop" + std::to_string(stop)).c_str();
     CHECK_THROWS_AS(make(path, stop), Stop);
     CHECK(!std::filesystem::exists(path / "initial.npy"));
+    CHECK(!dataset_is_done(path));
     CHECK(contains(error_of([&] { read_dataset(path, sampler, count, horizons); }),
                    "4618 scenarios done, found "));
     if (stop > 0) {  // a kill amid a piece leaves more than was done in some files
@@ -94,6 +98,7 @@ TEST_CASE("stopped and resumed is unbroken") {
     write_dataset(path, sampler, count, horizons, {}, [&](Eigen::Index done) { heard.push_back(done); });
     CHECK(heard.front() == std::min<Eigen::Index>(stop, 4608));
     CHECK(files(path) == unbroken);
+    CHECK(dataset_is_done(path));
   }
   make(folder / "unbroken");  // nothing to do
   CHECK(files(folder / "unbroken") == unbroken);
@@ -119,6 +124,7 @@ TEST_CASE("folders of another setting, foreign and broken ones are refused, and 
   const auto read = [&](const auto& from, Eigen::Index n = few, const std::vector<double>& at = horizons) {
     return error_of([&] { read_dataset(path, from, n, at); });
   };
+  CHECK(!dataset_is_done(path));
   CHECK(contains(read(sampler), path.string() + "/dataset.json: cannot read"));
   REQUIRE(write(sampler, path) == "");
   const auto before = files(path);

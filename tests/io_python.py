@@ -105,7 +105,8 @@ def check_dataset(folder):
     assert {name: (a.dtype.name, a.shape) for name, a in arrays.items()} == {
         "initial": ("float32", (60, 5, 13)), "wrench": ("float32", (60, 5, 6)),
         "state_0.02s": ("float32", (60, 5, 13)), "state_1.0s": ("float32", (60, 5, 13)),
-        "body_count": ("uint8", (60,)), "family": ("uint8", (60,)), "first_contact": ("float32", (60,))}
+        "body_count": ("uint8", (60,)), "family": ("uint8", (60,)), "first_contact": ("float32", (60,)),
+        "impacts": ("int32", (60, 2))}
     setting = json.loads((folder / "set" / "dataset.json").read_text())
     assert setting["world"] == "room" and setting["seed"] == 3 and setting["horizons"] == [0.02, 1.0]
     assert setting["scenarios"] == setting["done"] == 60
@@ -118,6 +119,8 @@ def check_dataset(folder):
     assert np.abs(later[..., :3] - start[..., :3] - 0.02 * start[..., 7:10])[free].max() < 0.01
     assert np.abs(np.linalg.norm(later[present][:, 3:7], axis=-1) - 1).max() < 1e-6
     assert sorted(set(arrays["family"])) == [3, 4] and (arrays["first_contact"] > 0).all()
+    assert (arrays["impacts"][:, 1] > 0).any()
+    assert ((arrays["impacts"][:, 1] > 0) == (arrays["first_contact"] <= 1)).all()
 
 
 with tempfile.TemporaryDirectory() as name:

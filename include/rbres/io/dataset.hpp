@@ -21,6 +21,7 @@
 ///     body_count.npy     uint8   (n,)         bodies from this one on are absent: their numbers are zero
 ///     family.npy         uint8   (n,)         0 flight, 1 pair, 2 cluster, 3 drop, 4 scatter
 ///     first_contact.npy  float32 (n,)         s, to within a sample; inf: none
+///     impacts.npy        int32   (n, h)       impacts by each of the h horizons
 ///     dataset.json       what they were made from, and how many scenarios are "done"
 /// Columns and units are those of ScenarioData. The arrays appear when all scenarios are done.
 namespace rbres {
@@ -115,7 +116,8 @@ class DatasetWriter {
         wrench_(path(folder, "wrench.npy"), {ScenarioData::bodies, Wrench<float>::size}, done),
         body_count_(path(folder, "body_count.npy"), {}, done),
         family_(path(folder, "family.npy"), {}, done),
-        first_contact_(path(folder, "first_contact.npy"), {}, done) {
+        first_contact_(path(folder, "first_contact.npy"), {}, done),
+        impacts_(path(folder, "impacts.npy"), {std::ssize(horizons)}, done) {
     for (const double h : horizons) {
       states_.emplace_back(unfinished(folder.state(h)),
                            std::vector<Eigen::Index>{ScenarioData::bodies, RigidState<float>::size}, done);
@@ -134,6 +136,7 @@ class DatasetWriter {
         Eigen::Map<const NpyWriter<std::uint8_t>::Columns>(data.body_count.data(), 1, data.count()));
     first_contact_.append(
         Eigen::Map<const NpyWriter<float>::Columns>(data.first_contact.data(), 1, data.count()));
+    impacts_.append(data.impacts);
     each([](auto& file) { file.flush(); });
   }
 
@@ -152,13 +155,14 @@ class DatasetWriter {
   }
   template <class Do>
   void each(const Do& act) {
-    act(initial_), act(wrench_), act(body_count_), act(family_), act(first_contact_);
+    act(initial_), act(wrench_), act(body_count_), act(family_), act(first_contact_), act(impacts_);
     for (auto& file : states_) act(file);
   }
 
   NpyWriter<float> initial_, wrench_;
   NpyWriter<std::uint8_t> body_count_, family_;
   NpyWriter<float> first_contact_;
+  NpyWriter<std::int32_t> impacts_;
   std::vector<NpyWriter<float>> states_;
 };
 
@@ -208,6 +212,14 @@ void write_dataset(const std::filesystem::path& path, const ScenarioSampler<Set>
   folder.write_description(setting, count);
 }
 
+/// Whether the folder holds a data set of which all scenarios are done. Error where it holds a broken one.
+inline bool dataset_is_done(const std::filesystem::path& path) {
+  const detail::DatasetFolder folder(path);
+  if (!folder.described()) return false;
+  const detail::Json found = folder.read_description();
+  return found["done"] == found.value("scenarios", detail::Json());
+}
+
 /// Reads the first `count` scenarios and the given horizons of a data set, which may hold more of both; the
 /// first contacts are those up to its last horizon. Error where the folder is not there, is of another
 /// setting or is not done, or a file of it is malformed.
@@ -226,17 +238,21 @@ ScenarioData read_dataset(const std::filesystem::path& path, const ScenarioSampl
   const auto n = scenarios.get<Eigen::Index>();
   if (count < 1 || count > n)
     detail::refuse(folder.text() + ": scenarios", detail::text("1 to ", n, " to be read"), count);
-  for (const double h : horizons)
-    if (std::ranges::find(held, detail::Json(h)) == held.end())
-      detail::refuse(folder.text() + ": horizons", detail::text("one of ", held), h);
-
   constexpr Eigen::Index bodies = ScenarioData::bodies;
   ScenarioData data;
   data.horizons = horizons;
   data.initial = detail::read_samples<float>(path / "initial.npy", {n, bodies, 13}, count);
   data.wrench = detail::read_samples<float>(path / "wrench.npy", {n, bodies, 6}, count);
-  for (const double h : horizons)
-    data.states.push_back(detail::read_samples<float>(folder.state(h), {n, bodies, 13}, count));
+  const auto impacts = detail::read_samples<std::int32_t>(path / "impacts.npy", {n, std::ssize(held)}, count);
+  data.impacts.resize(std::ssize(horizons), count);
+  for (Eigen::Index h = 0; h < std::ssize(horizons); ++h) {
+    const double horizon = horizons[static_cast<std::size_t>(h)];
+    const auto at = std::ranges::find(held, detail::Json(horizon)) - held.begin();
+    if (at == std::ssize(held))
+      detail::refuse(folder.text() + ": horizons", detail::text("one of ", held), horizon);
+    data.impacts.row(h) = impacts.row(at);
+    data.states.push_back(detail::read_samples<float>(folder.state(horizon), {n, bodies, 13}, count));
+  }
   const auto first_contact = detail::read_samples<float>(path / "first_contact.npy", {n}, count);
   data.first_contact.assign(first_contact.data(), first_contact.data() + count);
   const auto body_count = detail::read_samples<std::uint8_t>(path / "body_count.npy", {n}, count);
