@@ -9,18 +9,24 @@
 
 namespace paper {
 
-/// Makes the data of one world and set, with progress.
+/// The data of one world and set, from the folder where they are kept. What is missing there is made first.
 template <BodySet Set>
-ScenarioData make_data(const ScenarioSampler<Set>& sampler, Eigen::Index count, const Plan& plan) {
+ScenarioData make_data(const Bench<Set>& bench, Eigen::Index count) {
+  const auto folder = bench.store.folder() / "data" / bench.label();
+  const auto& horizons = bench.plan.horizons;
   const auto start = std::chrono::steady_clock::now();
-  const ScenarioData data = generate(sampler, 0, count, plan.horizons, {}, [&](Eigen::Index done) {
+  Eigen::Index before = -1;
+  std::printf("\n%s: %ld scenarios over %g s\n", bench.label().c_str(), static_cast<long>(count),
+              horizons.back());
+  write_dataset(folder, bench.sampler(), count, horizons, {}, [&](Eigen::Index done) {
+    if (before < 0) before = done;
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    std::printf("\r  %ld of %ld scenarios, %s left ", static_cast<long>(done), static_cast<long>(count),
-                clock_text(seconds * static_cast<double>(count - done) / static_cast<double>(done)).c_str());
+    const double left = done > before ? seconds * double(count - done) / double(done - before) : 0.0;
+    std::printf("\r  %ld simulated, %s left ", static_cast<long>(done), clock_text(left).c_str());
     std::fflush(stdout);
   });
   std::printf("\n");
-  return data;
+  return read_dataset(folder, bench.sampler(), count, horizons);
 }
 
 /// Everything that is measured in one world on one set. `results` collects it by name.
@@ -41,11 +47,7 @@ void run(World world, const Plan& plan, const Store& store, Json& results) {
     Json made_from = bench.made_from();
     made_from.update(setting);
     return store.part(name, made_from, [&] {
-      if (bench.data.count() == 0) {
-        std::printf("\n%s: simulating %ld scenarios over %g s\n", label.c_str(), static_cast<long>(count),
-                    plan.horizons.back());
-        bench.data = make_data(bench.sampler(), count, plan);
-      }
+      if (bench.data.count() == 0) bench.data = make_data(bench, count);
       return make();
     });
   };

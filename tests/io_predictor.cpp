@@ -2,8 +2,7 @@
 
 #include <cstring>
 
-#include <rbres/io.hpp>
-#include <rbres/rbres.hpp>
+#include <rbres/io/predictor.hpp>
 
 using namespace rbres;
 

@@ -83,7 +83,8 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
       train.x.push_back(point[0]), validation.x.push_back(point[0]);
       train.y.push_back(point[1]), validation.y.push_back(point[2]);
     }
-    drawn &= figures::draw_curves(figure("training-" + label, "Training, " + ahead.str(), "epoch", "loss"),
+    drawn &= figures::draw_curves(figure("training-" + label, "Training, " + ahead.str(), "epoch",
+                                         "mean over samples of the squared normalised error"),
                                   {train, validation}, {.log_y = true});
 
     std::vector<std::string> families;
@@ -91,6 +92,7 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
         {"residual network", {}}, {"contact-free flow", {}}, {"RK4 20 ms", {}}};
     const Json& baselines = results["baselines"][label][std::to_string(h)];
     for (const auto& [family, q] : shown["families"].items()) {
+      if (family == "no collision" || family == "one collision" || q["count"] == 0) continue;
       families.push_back(family);
       const auto add = [&](std::size_t i, const Json& f) {
         series[i].quartiles.push_back({f["low"], f["median"], f["high"]});

@@ -51,7 +51,7 @@ struct Plan {
 /// About half a minute on two cores: the standard set in both worlds at two horizons.
 inline Plan quick_plan() {
   Plan plan{{0.02, 0.1, 0.5}, {}, {BodySet::standard}, 200, 20, 5, 3, 20, 1, 2};
-  const Protocol small{20'000, 16};
+  const Protocol small{20'000, 12};
   for (const World world : {World::free_space, World::room}) {
     const auto add = [&](std::size_t h, Target target, Architecture a) {
       plan.units.push_back({world, BodySet::standard, h, target, a, 1, small});

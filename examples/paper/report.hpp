@@ -12,8 +12,8 @@ inline std::string seconds(double time) { return digits(time) + " s"; }
 /// Accuracy and cost of every method of a place at horizon h.
 inline Table accuracy_table(const Plan& plan, const Json& results, const Place& place, std::size_t h) {
   Table table{place.label() + ", " + seconds(plan.horizons[h]) + " ahead",
-              {"", "position m²", "orientation", "velocity (m/s)²", "ang. vel. (rad/s)²", "angle °", "ECE %",
-               "r", "±0.5 m/s %", "µs [min, max]", "batch µs"},
+              {"", "position m²", "orient.", "vel. (m/s)²", "spin (rad/s)²", "angle °", "ECE %", "r",
+               "±0.5 %", "µs [min, max]", "batch µs"},
               {},
               ""};
   const Json& times = results.at("timing").at(place.label()).at(std::to_string(h));

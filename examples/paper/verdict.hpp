@@ -63,10 +63,21 @@ inline Table met_table(const Plan& plan, Json& results, const Place& place) {
   return table;
 }
 
+/// One method's error over a network's, seed by seed of the network.
+inline OverSeeds error_ratio(const Method& other, const Method& network, const Quantity& q) {
+  std::vector<double> ratios;
+  for (std::size_t s = 0; s < network.seeds.size(); ++s) {
+    const Json::json_pointer pointer(q.pointer);
+    const Json& theirs = *other.seeds[std::min(s, other.seeds.size() - 1)];
+    ratios.push_back(theirs.at(pointer).get<double>() / network.seeds[s]->at(pointer).get<double>());
+  }
+  return OverSeeds(ratios);
+}
+
 /// The other methods' errors over the residual network's, by horizon. Also saved as results["better"].
 inline Table better_table(const Plan& plan, Json& results, const Place& place) {
   Table table{place.label() + ": error of others over that of the residual network (K=4, residual target)",
-              {"ahead, quantity"},
+              {""},
               {},
               ""};
   const std::string ours = "residual K=4, residual target";
@@ -75,35 +86,22 @@ inline Table better_table(const Plan& plan, Json& results, const Place& place) {
     const auto network =
         std::find_if(methods.begin(), methods.end(), [&](const Method& m) { return m.name == ours; });
     if (network == methods.end()) continue;
-    std::vector<const Method*> others;
-    for (const Method& m : methods) {
-      if (&m != &*network && (!m.is_network() || m.trained_on == network->trained_on)) others.push_back(&m);
-    }
     for (const Quantity& q : {quantities[0], quantities[2]}) {
-      std::vector<std::string> row(table.head.size());
-      row[0] = digits(plan.horizons[h]) + " s, " + q.name;
-      for (const Method* other : others) {
-        auto column = std::find(table.head.begin(), table.head.end(), other->name);
-        if (column == table.head.end()) {
-          column = table.head.insert(table.head.end(), other->name);
-          row.emplace_back();
-          for (auto& earlier : table.rows) earlier.emplace_back();
+      table.head.push_back(digits(plan.horizons[h]) + " s, " + q.name);
+      for (auto& row : table.rows) row.emplace_back();
+      for (const Method& other : methods) {
+        if (&other == &*network || (other.is_network() && other.trained_on != network->trained_on)) continue;
+        auto row = std::find_if(table.rows.begin(), table.rows.end(),
+                                [&](const auto& r) { return r.front() == other.name; });
+        if (row == table.rows.end()) {
+          row = table.rows.insert(table.rows.end(), std::vector<std::string>(table.head.size()));
+          row->front() = other.name;
         }
-        std::vector<double> ratios;
-        const std::size_t pairs = std::max(network->seeds.size(), other->seeds.size());
-        for (std::size_t s = 0; s < pairs; ++s) {
-          const auto error = [&](const Method& m) {
-            const Json& seed = *m.seeds[std::min(s, m.seeds.size() - 1)];
-            return seed.at(Json::json_pointer(q.pointer)).get<double>();
-          };
-          if (network->seeds.size() == pairs) ratios.push_back(error(*other) / error(*network));
-        }
-        const OverSeeds ratio(ratios);
-        row[static_cast<std::size_t>(column - table.head.begin())] = ratio.text();
-        results["better"][place.label()][digits(plan.horizons[h])][q.name][other->name] = {
+        const OverSeeds ratio = error_ratio(other, *network, q);
+        row->back() = ratio.text();
+        results["better"][place.label()][digits(plan.horizons[h])][q.name][other.name] = {
             {"ratio", ratio.mean}, {"deviation", ratio.deviation}, {"seeds", ratio.count}};
       }
-      table.rows.push_back(row);
     }
   }
   return table;
