@@ -219,6 +219,7 @@ TEST_CASE("samples are encoded, normalised, and without weight where a body is a
     const auto y = state_of(data.initial, c, present);
     const auto w = wrench_of(data, c);
     CHECK(samples.inputs.col(c) == p.encode(y, w, present));
+    CHECK(samples.inputs.col(c).tail(19 * (5 - present)).isZero(0));
     const auto said = p.wanted(y, w, state_of(data.states[0], c, present), present);
     CHECK(samples.targets.col(c).head(13 * present) ==
           p.output.normalize(said.cast<float>()).head(13 * present));

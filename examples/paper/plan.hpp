@@ -40,7 +40,7 @@ struct Plan {
   std::vector<Unit> units;
   std::vector<BodySet> sets;
   int floor_scenarios;  ///< test scenarios for the predictability floor
-  int timed_scenarios;  ///< scenarios per timing round
+  int timed_scenarios;  ///< scenarios per timing round; 72 fill lanes with every family and body count
   int timing_rounds;
   double rollout_seconds;
   int rollouts;                 ///< test scenarios rolled out
@@ -50,7 +50,7 @@ struct Plan {
 
 /// About half a minute on two cores: the standard set in both worlds at two horizons.
 inline Plan quick_plan() {
-  Plan plan{{0.02, 0.1, 0.5}, {}, {BodySet::standard}, 200, 20, 5, 3, 20, 1, 2};
+  Plan plan{{0.02, 0.1, 0.5}, {}, {BodySet::standard}, 200, 72, 5, 3, 20, 1, 2};
   const Protocol small{20'000, 12};
   for (const World world : {World::free_space, World::room}) {
     const auto add = [&](std::size_t h, Target target, Architecture a) {
@@ -70,7 +70,7 @@ inline Plan quick_plan() {
 /// answered by a reduced protocol (20,000 scenarios; 10,000 of boxes in the room, whose truth is dear), with
 /// three seeds on the standard set at 0.1, 0.5, 1 and 5 s.
 inline Plan full_plan() {
-  Plan plan{{0.02, 0.1, 0.5, 1, 2, 5}, {}, {BodySet::standard, BodySet::box}, 500, 50, 5, 20, 200, 2, 2};
+  Plan plan{{0.02, 0.1, 0.5, 1, 2, 5}, {}, {BodySet::standard, BodySet::box}, 500, 72, 5, 20, 200, 2, 2};
   const Protocol full{100'000, 200}, reduced{20'000, 40}, dear{10'000, 40};
   for (const World world : {World::free_space, World::room}) {
     for (std::size_t h = 0; h < plan.horizons.size(); ++h) {

@@ -202,8 +202,10 @@ inline std::string report(const Plan& plan, Json& results) {
   heading("Accuracy and cost");
   markdown +=
       "ECE: mean |E - E_true| over mean |E_true|. r and ±0.5 m/s: velocity components of bodies in scenarios "
-      "that had a contact. µs: per scenario, one at a time on one thread, median [min, max] over rounds in "
-      "which all methods take turns; batch: the same in batches of 256.\n\n";
+      "that had a contact. µs: processor time per scenario, one at a time on one thread, median [min, max] "
+      "over rounds in "
+      "which all methods take turns; batch: networks on 256 scenarios at once, RK4 on one in each lane of a "
+      "register.\n\n";
   for (const Place& place : places(plan)) {
     for (std::size_t h = 0; h <= last; ++h) add(accuracy_table(plan, results, place, h), h == last);
   }

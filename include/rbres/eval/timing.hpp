@@ -1,5 +1,7 @@
 #pragma once
 
+#include <time.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -21,14 +23,29 @@ struct Spread {
   double median = 0, low = 0, high = 0;
 };
 
+namespace detail {
+
+/// Processor time of this thread where the system tells it, s: other work of the machine does not count.
+inline double thread_seconds() {
+#ifdef CLOCK_THREAD_CPUTIME_ID
+  timespec now{};
+  if (::clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now) == 0)
+    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+#endif
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+}  // namespace detail
+
 /// Times calls side by side: in each round all of them in turn, so that whatever else the machine does
-/// disturbs all alike. A call that is over in less than `least` seconds is repeated within its turn.
+/// disturbs all alike. A call that is over in less than `least` seconds is repeated within its turn. What
+/// calls do on other threads is not counted.
 inline std::vector<Spread> time_side_by_side(const std::vector<TimedCall>& calls, int rounds,
                                              double least = 1e-3) {
   const auto seconds = [](const TimedCall& call, long repeats) {
-    const auto start = std::chrono::steady_clock::now();
+    const double start = detail::thread_seconds();
     for (long i = 0; i < repeats; ++i) call.run();
-    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    return detail::thread_seconds() - start;
   };
   std::vector<long> repeats;
   for (const TimedCall& call : calls) {
