@@ -57,11 +57,13 @@ void run(World world, const Plan& plan, const Store& store, Json& results) {
   results["baselines"][label] = part("baselines-" + label, Json::object(), [&] { return bench.baselines(); });
   for (const Unit* unit : units) {
     const std::string name = paper::name(*unit, plan);
-    results["networks"][name] = part(name, Json::object(), [&] {
-      std::printf("\n%s: %s, %g s ahead, seed %d\n", label.c_str(), method_of(*unit).c_str(),
-                  plan.horizons[unit->horizon], static_cast<int>(unit->seed));
+    Json found = part(name, Json::object(), [&] {
+      std::printf("\n%s: %s, %g s ahead, seed %d (network %d of %d)\n", label.c_str(),
+                  method_of(*unit).c_str(), plan.horizons[unit->horizon], static_cast<int>(unit->seed),
+                  1 + static_cast<int>(results["networks"].size()), static_cast<int>(plan.units.size()));
       return train_unit(*unit, bench);
     });
+    results["networks"][name] = std::move(found);
     remove_checkpoint(store, name);
   }
   if constexpr (Set == BodySet::standard) {

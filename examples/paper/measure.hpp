@@ -59,7 +59,6 @@ struct Bench {
   Json accuracy(std::size_t h, const Eigen::MatrixXd& predicted) const {
     const auto body = scenario_body<Set>();
     Json found = to_json(rbres::measure(data, h, 0, predicted, body.inertia(), body.mass()));
-    found["velocity_pairs"] = velocity_pairs(h, predicted);
     const auto quartiles = [&](const auto& chosen) {
       const Quartiles q = position_quartiles(data, h, 0, predicted, chosen);  // of none: NaN, which is null
       return Json{{"low", q.low}, {"median", q.median}, {"high", q.high}, {"count", q.count}};
@@ -142,7 +141,6 @@ struct Bench {
     for (std::size_t h = 0; h < plan.horizons.size(); ++h) {
       Json& at = all[std::to_string(h)];
       at["all"] = accuracy(h, finer.states[h].cast<double>());
-      at["all"].erase("velocity_pairs");
       for (const Family family : families()) {
         double contact = 0, several = 0, of = 0, impacts = 0;
         for (std::size_t s = 0; s < data.family.size(); ++s) {

@@ -83,9 +83,13 @@ Json train_unit(const Unit& unit, const Bench<Set>& bench) {
        {{"world", std::string(rbres::name(unit.world))},
         {"set", std::string(rbres::name(Set))},
         {"scenarios", std::string(scenario_version)}});
-  Json found = bench.method(unit.horizon, [&](const auto& state, const auto& wrench, int present) {
-    return predictor.predict(state, wrench, present);
-  });
+  const Eigen::MatrixXd predicted =
+      predict_all(bench.data, 0, bench.tests, [&](const auto& state, const auto& wrench, int present) {
+        return predictor.predict(state, wrench, present);
+      });
+  Json found = bench.accuracy(unit.horizon, predicted);
+  if (unit.horizon == bench.plan.figure_horizon)
+    found["velocity_pairs"] = bench.velocity_pairs(unit.horizon, predicted);
   found["horizon"] = bench.plan.horizons[unit.horizon];
   found["best_validation_loss"] = trainer.state().progress.best_loss;
   found["epochs"] = trainer.state().progress.epoch;
