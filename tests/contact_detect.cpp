@@ -53,6 +53,8 @@ double smallest(const Manifold<double, P, C>& m) {
 template <class A, class B>
 void check_pair(const A& a, const B& b, double proven) {
   const double round = radius(a) + radius(b);
+  // Two boxes' faces are preferred to their edges by 1e-4 of the smallest half extent, here 0.1 m.
+  const double preferred = std::is_same_v<A, Box<double>> && std::is_same_v<B, A> ? 1e-5 : 1e-9;
   Random r(11);
   for (int trial = 0; trial < 1000; ++trial) {
     CAPTURE(trial);
@@ -80,7 +82,7 @@ void check_pair(const A& a, const B& b, double proven) {
     double first = -1e30, second = 1e30;
     for (const auto& corner : corners(a, pa)) first = std::max(first, dot(ab.normal, corner) + radius(a));
     for (const auto& corner : corners(b, pb)) second = std::min(second, dot(ab.normal, corner) - radius(b));
-    CHECK(second - first >= ab.separation - 1e-9);
+    CHECK(second - first >= ab.separation - preferred);
     CHECK(smallest(ab) >= ab.separation - 1e-9);
   }
 }
