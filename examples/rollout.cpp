@@ -214,7 +214,8 @@ int main(int argc, char** argv) {
   Options options;
   const paper::Plan quick = paper::quick_plan();
   options.model = "rbres_paper_quick/models/" + paper::name(quick.units.front(), quick) + ".safetensors";
-  app.add_option("--model", options.model, "a model that rbres_paper trained")->capture_default_str();
+  app.add_option("--model", options.model, "a model that rbres_paper or rbres_train trained")
+      ->capture_default_str();
   app.add_option("--scenario", options.scenario,
                  "number of the scenario; of seed 1, the first tenth of those that the\n"
                  "model was made with were never trained on")

@@ -51,6 +51,24 @@ TEST_CASE("a partial file left by a killed process is overwritten, not appended 
   CHECK(read_bytes(folder / "data") == "new");
 }
 
+TEST_CASE("a partial file that is to go on does, after the bytes that count") {
+  const TemporaryFolder folder;
+  const auto path = folder / "data";
+  {
+    AtomicFile file(path, 0);
+    file.write("hello world", 11);
+    file.flush();
+  }
+  CHECK(read_bytes(folder / "data.partial") == "hello world");
+  CHECK(contains(error_of([&] { AtomicFile file(path, 12); }),
+                 path.string() + ".partial: expected at least 12 bytes, found 11"));
+  AtomicFile file(path, 6);
+  file.write("you", 3);
+  file.commit();
+  CHECK(read_bytes(path) == "hello you");
+  CHECK(!std::filesystem::exists(folder / "data.partial"));
+}
+
 TEST_CASE("a full disk is an Error that names the path, and the old file survives") {
   const TemporaryFolder folder;
   const auto path = folder / "data";

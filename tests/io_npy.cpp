@@ -69,6 +69,25 @@ TEST_CASE_TEMPLATE("round trips", Scalar, float, double, std::int32_t, std::int6
   CHECK(read_npy<Scalar>(path) == columns.reshaped(1, 42));
 }
 
+TEST_CASE("a file that is written in two runs is that of one") {
+  const TemporaryFolder folder;
+  const auto columns = counting<float>(6, 7);
+  for (const auto& sample_shape : {std::vector<Index>{6}, {2, 3}}) {
+    { NpyWriter<float>(folder / "a.npy", sample_shape, 0).append(columns.leftCols(5)); }
+    CHECK(!std::filesystem::exists(folder / "a.npy"));
+    NpyWriter<float> rest(folder / "a.npy", sample_shape, 4);
+    CHECK(rest.samples() == 4);
+    rest.append(columns.rightCols(3));
+    rest.commit();
+    NpyWriter<float> whole(folder / "b.npy", sample_shape);
+    whole.append(columns);
+    whole.commit();
+    CHECK(read_bytes(folder / "a.npy") == read_bytes(folder / "b.npy"));
+    std::filesystem::remove(folder / "a.npy");
+  }
+  CHECK(contains(error_of([&] { NpyWriter<float>(folder / "a.npy", {6}, 4); }), "found 0"));
+}
+
 TEST_CASE("parts of a larger matrix, and sizes of zero") {
   const TemporaryFolder folder;
   const auto path = folder / "a.npy";

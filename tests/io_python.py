@@ -98,7 +98,33 @@ def check_network(folder):
     assert first.read_bytes() == second.read_bytes()
 
 
+def check_dataset(folder):
+    done = copy("dataset", "", folder / "set")
+    assert done.returncode == 0, done.stderr
+    arrays = {path.stem: np.load(path) for path in (folder / "set").glob("*.npy")}
+    assert {name: (a.dtype.name, a.shape) for name, a in arrays.items()} == {
+        "initial": ("float32", (60, 5, 13)), "wrench": ("float32", (60, 5, 6)),
+        "state_0.02s": ("float32", (60, 5, 13)), "state_1.0s": ("float32", (60, 5, 13)),
+        "body_count": ("uint8", (60,)), "family": ("uint8", (60,)), "first_contact": ("float32", (60,)),
+        "impacts": ("int32", (60, 2))}
+    setting = json.loads((folder / "set" / "dataset.json").read_text())
+    assert setting["world"] == "room" and setting["seed"] == 3 and setting["horizons"] == [0.02, 1.0]
+    assert setting["scenarios"] == setting["done"] == 60
+    present = np.arange(5) < arrays["body_count"][:, None]
+    for name in ("initial", "wrench", "state_0.02s", "state_1.0s"):
+        assert (arrays[name][~present] == 0).all() and (arrays[name][present] != 0).any(axis=-1).all(), name
+    start, later = arrays["initial"], arrays["state_0.02s"]
+    free = present & (arrays["first_contact"] > 0.03)[:, None]
+    assert free.any() and np.abs(later - start)[free][:, :3].max() > 0.05
+    assert np.abs(later[..., :3] - start[..., :3] - 0.02 * start[..., 7:10])[free].max() < 0.01
+    assert np.abs(np.linalg.norm(later[present][:, 3:7], axis=-1) - 1).max() < 1e-6
+    assert sorted(set(arrays["family"])) == [3, 4] and (arrays["first_contact"] > 0).all()
+    assert (arrays["impacts"][:, 1] > 0).any()
+    assert ((arrays["impacts"][:, 1] > 0) == (arrays["first_contact"] <= 1)).all()
+
+
 with tempfile.TemporaryDirectory() as name:
     check_npy(pathlib.Path(name))
     check_safetensors(pathlib.Path(name))
     check_network(pathlib.Path(name))
+    check_dataset(pathlib.Path(name))

@@ -2,6 +2,7 @@
 // io_python_copy safetensors IN.npy OUT.safetensors: writes its numbers as the tensor "array", with metadata.
 // io_python_copy npy IN.safetensors OUT.npy: writes the matrix "array" of a safetensors file.
 // io_python_copy network "" OUT.safetensors: saves the network of io_export_models.hpp.
+// io_python_copy dataset "" FOLDER: makes a data set of 60 scenarios.
 // io_python_copy network IN.safetensors OUT.safetensors: loads such a network and saves it.
 #include <iostream>
 #include <string>
@@ -51,6 +52,10 @@ int main(int argc, char** argv) try {
   if (how == "uint8") copy<std::uint8_t>(argv[2], argv[3]);
   if (how == "safetensors") to_safetensors(argv[2], argv[3]);
   if (how == "npy") from_safetensors(argv[2], argv[3]);
+  if (how == "dataset") {
+    const rbres::ScenarioSampler<rbres::BodySet::standard> sampler(rbres::World::room, 3);
+    rbres::write_dataset(argv[3], sampler, 60, {0.02, 1}, {}, [](Eigen::Index) {});
+  }
   if (how == "network") {
     const std::string in = argv[2];
     rbres::save(argv[3], in.empty() ? exported_float() : rbres::load<decltype(exported_float())>(in));

@@ -1,11 +1,7 @@
 // rbres_rollout from outside: what it writes, and that it writes nothing when something is wrong.
-#include "io_support.hpp"
-
-#include <sys/wait.h>
+#include "program_support.hpp"
 
 #include <algorithm>
-#include <cstdlib>
-#include <map>
 
 #include <rbres/eval/baselines.hpp>
 #include <rbres/io.hpp>
@@ -25,26 +21,8 @@ void save_silent_predictor(const std::filesystem::path& path, const Metadata& me
   save(path, predictor, metadata);
 }
 
-struct Outcome {
-  int status;
-  std::string out, err;
-};
-
-/// Runs the program in the folder.
 Outcome run(const TemporaryFolder& folder, const std::string& arguments) {
-  const std::string command =
-      "cd '" + (folder / "").string() + "' && '" RBRES_ROLLOUT "' " + arguments + " > .out 2> .err";
-  const int status = std::system(command.c_str());
-  return {WEXITSTATUS(status), read_bytes(folder / ".out"), read_bytes(folder / ".err")};
-}
-
-/// The bytes of the folder's files, but for what the program printed.
-std::map<std::string, std::string> files(const TemporaryFolder& folder) {
-  std::map<std::string, std::string> result;
-  for (const auto& entry : std::filesystem::directory_iterator(folder / ""))
-    if (entry.is_regular_file() && !entry.path().filename().string().starts_with('.'))
-      result[entry.path().filename().string()] = read_bytes(entry.path());
-  return result;
+  return run(folder, RBRES_ROLLOUT, arguments);
 }
 
 }  // namespace
@@ -80,16 +58,7 @@ TEST_CASE("what is wrong costs one line and no file") {
   save(folder / "other.safetensors", other, standard_world);
   write_bytes(folder / "broken.safetensors", read_bytes(folder / "silent.safetensors").substr(0, 5000));
   std::filesystem::create_directories(folder / "taken.glb");
-  const auto before = files(folder);
-  const auto error = [&](const std::string& arguments) {
-    CAPTURE(arguments);
-    const Outcome outcome = run(folder, arguments);
-    CHECK(outcome.status == 2);
-    CHECK(outcome.err.starts_with("rbres_rollout: "));
-    CHECK(outcome.err.find('\n') == outcome.err.size() - 1);
-    CHECK(files(folder) == before);
-    return outcome.err;
-  };
+  const auto error = [&](const std::string& arguments) { return refusal(folder, RBRES_ROLLOUT, arguments); };
   const std::string good = "--model silent.safetensors --seconds 0.3 ";
   CHECK(contains(error(good + "--bogus"), "--bogus"));
   CHECK(contains(error(good + "--scenario -1"), "expected a number of 0 or more, found -1"));

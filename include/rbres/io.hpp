@@ -9,8 +9,11 @@
 ///     load_checkpoint("run.safetensors", trainer);              // goes on to the same bits
 ///     write_npy("inputs.npy", inputs);                          // columns are samples: (samples, features)
 ///     const auto inputs = read_npy<float>("inputs.npy");
+///     write_dataset("data", sampler, 100'000, horizons, {}, progress);  // stopped, it goes on where it was
+///     const auto data = read_dataset("data", sampler, 100'000, horizons);
 #include <rbres/io/atomic_file.hpp>
 #include <rbres/io/checkpoint.hpp>
+#include <rbres/io/dataset.hpp>
 #include <rbres/io/export_header.hpp>
 #include <rbres/io/gltf.hpp>
 #include <rbres/io/model.hpp>

@@ -25,13 +25,23 @@ class AtomicFile {
  public:
   /// Error when the path cannot be written, is a folder or a device, or is being written by someone else.
   explicit AtomicFile(std::filesystem::path path)
-      : path_(std::move(path)), partial_(path_.string() + ".partial"), file_(open_alone()) {}
+      : path_(std::move(path)), partial_(path_.string() + ".partial"), file_(open_alone(0)) {}
+
+  /// Goes on with the first `size` bytes of the partial file that an earlier run left behind (for 0 bytes
+  /// there need be none); what follows them is dropped. Without commit() the partial file stays for the next
+  /// run.
+  AtomicFile(std::filesystem::path path, std::uint64_t size)
+      : path_(std::move(path)),
+        partial_(path_.string() + ".partial"),
+        file_(open_alone(size)),
+        end_(size),
+        stays_(true) {}
   AtomicFile(AtomicFile&&) noexcept = default;
   AtomicFile& operator=(AtomicFile&&) = delete;
 
   /// Without commit() nothing has happened.
   ~AtomicFile() {
-    if (file_.valid()) ::unlink(partial_.c_str());
+    if (file_.valid() && !stays_) ::unlink(partial_.c_str());
   }
 
   const std::filesystem::path& path() const noexcept { return path_; }
@@ -55,9 +65,14 @@ class AtomicFile {
     }
   }
 
+  /// Waits until all that was written is on the disk.
+  void flush() {
+    if (::fsync(file_.get()) != 0) detail::refuse_file(path_, "write");
+  }
+
   /// Flushes the new file and puts it in its place. Call it last, and once.
   void commit() {
-    if (::fsync(file_.get()) != 0) detail::refuse_file(path_, "write");
+    flush();
     if (std::rename(partial_.c_str(), path_.c_str()) != 0) detail::refuse_file(path_, "write");
     file_ = detail::FileDescriptor(-1);
     // The rename itself reaches the disk with the folder. Some file systems cannot do that, and both files
@@ -70,8 +85,8 @@ class AtomicFile {
  private:
   /// Opens the partial file under a lock, which the system drops with the process: two writers of one path
   /// would mix their bytes. A partial file that was renamed between open and lock is someone's finished file:
-  /// not ours to clear.
-  detail::FileDescriptor open_alone() const {
+  /// not ours to clear. Cuts it to `size` bytes.
+  detail::FileDescriptor open_alone(std::uint64_t size) const {
     std::error_code ignored;
     const auto status = std::filesystem::status(path_, ignored);
     if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
@@ -85,7 +100,9 @@ class AtomicFile {
     const bool known = ::fstat(file.get(), &ours) == 0 && ::stat(partial_.c_str(), &named) == 0;
     if (locked || !known || ours.st_ino != named.st_ino)
       throw Error(detail::text(path_.string(), ": cannot write: another writer holds ", partial_.string()));
-    if (::ftruncate(file.get(), 0) != 0) detail::refuse_file(path_, "write");
+    if (const auto found = static_cast<std::uint64_t>(ours.st_size); found < size)
+      detail::refuse(partial_.string(), detail::text("at least ", size, " bytes"), found);
+    if (::ftruncate(file.get(), static_cast<off_t>(size)) != 0) detail::refuse_file(path_, "write");
     return file;
   }
 
@@ -93,6 +110,7 @@ class AtomicFile {
   std::filesystem::path partial_;
   detail::FileDescriptor file_;
   std::uint64_t end_ = 0;
+  bool stays_ = false;
 };
 
 }  // namespace rbres

@@ -3,7 +3,9 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <limits>
+#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
@@ -29,13 +31,17 @@ class NpyWriter {
   /// sample_shape is the shape of one sample in C order: {} makes a file of shape (samples), {65} one of
   /// (samples, 65), {251, 65} one of (samples, 251, 65).
   NpyWriter(std::filesystem::path path, std::vector<Eigen::Index> sample_shape)
-      : file_(std::move(path)), sample_shape_(std::move(sample_shape)) {
-    if (sample_shape_.size() > 2)
-      detail::refuse(file_.path().string(), "samples of at most 2 dimensions", sample_shape_.size());
-    for (const Eigen::Index extent : sample_shape_) features_ *= extent;
-    // Room for any number of samples, so that the header can be written last.
-    header_size_ = header(std::numeric_limits<Eigen::Index>::max(), 0).size();
+      : sample_shape_(checked(path, std::move(sample_shape))), file_(std::move(path)) {
     file_.write(header(0, header_size_).data(), header_size_);
+  }
+
+  /// Goes on after the first `samples` samples that an earlier run wrote to the partial file (0: begins
+  /// anew). Without commit() the partial file stays for the next run.
+  NpyWriter(std::filesystem::path path, std::vector<Eigen::Index> sample_shape, Eigen::Index samples)
+      : sample_shape_(checked(path, std::move(sample_shape))),
+        samples_(samples),
+        file_(std::move(path), samples == 0 ? 0 : header_size_ + bytes(samples)) {
+    if (samples == 0) file_.write(header(0, header_size_).data(), header_size_);
   }
 
   /// Appends columns (features × n), features being the product of the sample shape.
@@ -44,16 +50,18 @@ class NpyWriter {
       detail::refuse(file_.path().string(), detail::text("columns of ", features_, " numbers"),
                      columns.rows());
     if (columns.outerStride() == columns.rows()) {
-      file_.write(columns.data(), static_cast<std::size_t>(columns.size()) * sizeof(Scalar));
+      file_.write(columns.data(), bytes(columns.cols()));
     } else {
-      for (Eigen::Index i = 0; i < columns.cols(); ++i)
-        file_.write(columns.col(i).data(), static_cast<std::size_t>(features_) * sizeof(Scalar));
+      for (Eigen::Index i = 0; i < columns.cols(); ++i) file_.write(columns.col(i).data(), bytes(1));
     }
     samples_ += columns.cols();
   }
 
   Eigen::Index features() const noexcept { return features_; }
   Eigen::Index samples() const noexcept { return samples_; }
+
+  /// Waits until the samples so far are on the disk.
+  void flush() { file_.flush(); }
 
   /// Fixes the header, flushes, and puts the file in its place.
   void commit() {
@@ -62,17 +70,28 @@ class NpyWriter {
   }
 
  private:
+  static std::vector<Eigen::Index> checked(const std::filesystem::path& path,
+                                           std::vector<Eigen::Index> sample_shape) {
+    if (sample_shape.size() > 2)
+      detail::refuse(path.string(), "samples of at most 2 dimensions", sample_shape.size());
+    return sample_shape;
+  }
   std::string header(Eigen::Index samples, std::size_t size) const {
     std::vector<Eigen::Index> shape{samples};
     shape.insert(shape.end(), sample_shape_.begin(), sample_shape_.end());
     return detail::npy_header(detail::npy_descr<Scalar>(), shape, size);
   }
+  std::size_t bytes(Eigen::Index samples) const {
+    return static_cast<std::size_t>(samples * features_) * sizeof(Scalar);
+  }
 
-  AtomicFile file_;
   std::vector<Eigen::Index> sample_shape_;
-  Eigen::Index features_ = 1;
+  Eigen::Index features_ =
+      std::accumulate(sample_shape_.begin(), sample_shape_.end(), Eigen::Index{1}, std::multiplies<>());
   Eigen::Index samples_ = 0;
-  std::size_t header_size_ = 0;
+  // Room for any number of samples, so that the header can be written last.
+  std::size_t header_size_ = header(std::numeric_limits<Eigen::Index>::max(), 0).size();
+  AtomicFile file_;
 };
 
 /// Reads a NumPy .npy file (format 1, 2 or 3; C order; 1 to 3 dimensions; little-endian) as columns: the

@@ -21,6 +21,8 @@ struct ScenarioData {
   std::vector<std::uint8_t> body_count;
   std::vector<Family> family;
   std::vector<float> first_contact;  ///< time of the first impact to within a sample, s; infinity: none
+  /// Horizons x scenarios: impacts (approaches answered by an impulse) by each horizon.
+  Eigen::Matrix<std::int32_t, Eigen::Dynamic, Eigen::Dynamic> impacts;
 
   Eigen::Index count() const { return initial.cols(); }
 };
@@ -74,6 +76,8 @@ void simulate_scenarios(World world, std::span<const Scenario> all, const std::v
         }
         for (std::size_t h = 0; h < data.horizons.size(); ++h) {
           if (sample.sample != std::lround(data.horizons[h] * options.sample_rate)) continue;
+          data.impacts(static_cast<Eigen::Index>(h), static_cast<Eigen::Index>(column)) =
+              static_cast<std::int32_t>(sample.impacts);
           auto to = data.states[h].col(static_cast<Eigen::Index>(column));
           to.template head<13 * N>() = sample.state.vector().template cast<float>();
           if (!sample.finite) to[0] = std::numeric_limits<float>::quiet_NaN();
@@ -96,6 +100,10 @@ inline void check_horizons(const std::vector<double>& horizons, double sample_ra
     }
   }
 }
+
+/// Scenarios that are simulated at a time: all families and body counts in equal shares. Which scenarios
+/// share lanes depends on it, and so do the last bits of truth where boxes rest.
+inline constexpr Eigen::Index scenario_piece = 2304;
 
 /// Columns start ... start + count - 1 of `data`: scenarios first + start, ...
 template <BodySet Set>
@@ -143,10 +151,10 @@ ScenarioData generate(const ScenarioSampler<Set>& sampler, std::uint64_t first, 
       std::vector<ScenarioData::Columns>(horizons.size(), ScenarioData::Columns::Zero(65, count)),
       std::vector<std::uint8_t>(n),
       std::vector<Family>(n),
-      std::vector<float>(n, std::numeric_limits<float>::infinity())};
-  constexpr Eigen::Index piece = 2304;  // all families and body counts in equal shares
-  for (Eigen::Index start = 0; start < count; start += piece) {
-    const Eigen::Index size = std::min(piece, count - start);
+      std::vector<float>(n, std::numeric_limits<float>::infinity()),
+      decltype(ScenarioData::impacts)::Zero(static_cast<Eigen::Index>(horizons.size()), count)};
+  for (Eigen::Index start = 0; start < count; start += detail::scenario_piece) {
+    const Eigen::Index size = std::min(detail::scenario_piece, count - start);
     detail::generate_piece(sampler, first, start, size, options, data);
     for (const auto& states : data.states) {
       for (Eigen::Index c = start; c < start + size; ++c) {

@@ -1,0 +1,272 @@
+// Simulates, trains, evaluates and saves one predictor, by the protocol of arXiv 2407.18798 unless told
+// otherwise.
+#include <CLI/CLI.hpp>
+#include <charconv>
+#include <map>
+
+#include "paper/training.hpp"
+
+namespace {
+
+using namespace rbres;
+using paper::Architecture, paper::Json, paper::PredictorOf;
+using Clock = std::chrono::steady_clock;
+
+/// The horizons of a data set on disk, s.
+const std::vector<double> horizons{0.02, 0.1, 0.5, 1, 2, 5};
+
+struct Options {
+  World world = World::free_space;
+  BodySet set = BodySet::standard;
+  double horizon = 5;
+  Target target = Target::state;
+  Architecture architecture = Architecture::residual10;
+  int scenarios = 100'000;
+  TrainingOptions training{.seed = 1};
+  std::string data, checkpoint, out = "model.safetensors", json;
+  bool resume = false;
+};
+
+/// What the model was made from; its file says it.
+Metadata metadata(const Options& o) {
+  return {{"world", std::string(name(o.world))},
+          {"set", std::string(name(o.set))},
+          {"scenarios", std::string(scenario_version)}};
+}
+
+/// Refuses, before hours of work, to write what is there or cannot be written.
+void check_files(const Options& o) {
+  if (o.resume && o.checkpoint.empty())
+    throw Error("--resume: goes on from a --checkpoint FILE, none is given");
+  std::map<std::filesystem::path, std::string> seen;
+  const auto check = [&](const std::string& option, const std::string& file, bool is_there) {
+    if (file.empty()) return;
+    const auto path = std::filesystem::absolute(file).lexically_normal();
+    if (const auto [other, is_new] = seen.emplace(path, option); !is_new)
+      throw Error(option + ": " + file + " is the file of " + other->second + ", too");
+    if (is_there) return;
+    if (std::filesystem::exists(path))
+      throw Error(option + ": " + file + " exists and would be overwritten" +
+                  (option == "--checkpoint" ? "; --resume goes on from it" : ""));
+    AtomicFile trial(path);
+  };
+  check("--checkpoint", o.checkpoint, o.resume);
+  check("--out", o.out, false);
+  check("--json", o.json, false);
+}
+
+/// Prints how far a work is whose first part, `had`, an earlier run did.
+auto progress(Eigen::Index count) {
+  return [count, start = Clock::now(), had = Eigen::Index{-1}](Eigen::Index done) mutable {
+    if (had < 0) had = done;
+    const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
+    const double left = done > had ? seconds * double(count - done) / double(done - had) : 0;
+    std::printf("\r  %ld of %ld scenarios, %s left ", long(done), long(count),
+                paper::clock_text(left).c_str());
+    std::fflush(stdout);
+  };
+}
+
+template <BodySet Set>
+ScenarioData data_of(const Options& o) {
+  const ScenarioSampler<Set> sampler(o.world, 1);
+  const TruthOptions truth{.threads = o.training.threads};
+  const std::string set = std::string(name(o.world)) + "-" + std::string(name(Set));
+  ScenarioData data;
+  auto hear = progress(o.scenarios);
+  const auto hear_progress = [&](Eigen::Index done) { hear(done); };
+  if (o.data.empty()) {
+    std::printf("%s: simulating %d scenarios over %g s\n", set.c_str(), o.scenarios, o.horizon);
+    hear(0);
+    data = generate(sampler, 0, o.scenarios, {o.horizon}, truth, hear_progress);
+    std::printf("\n");
+    return data;
+  }
+  if (!dataset_is_done(o.data)) {
+    if (std::ranges::find(horizons, o.horizon) == horizons.end())
+      detail::refuse("--horizon", "one of 0.02, 0.1, 0.5, 1, 2, 5 where --data makes a data set", o.horizon);
+    std::printf("%s: simulating %d scenarios over %g s into %s\n", set.c_str(), o.scenarios, horizons.back(),
+                o.data.c_str());
+    write_dataset(o.data, sampler, o.scenarios, horizons, truth, hear_progress);
+    std::printf("\n");
+  }
+  data = read_dataset(o.data, sampler, o.scenarios, {o.horizon}, truth);
+  std::printf("%s: %d scenarios of %s\n", set.c_str(), o.scenarios, o.data.c_str());
+  return data;
+}
+
+void print_row(const char* method, const Metrics& m) {
+  std::printf("  %-18s %12.4g %12.4g %12.4g %12.4g %10.3f %8.3f\n", method, m.position, m.orientation,
+              m.velocity, m.angular_velocity, m.angle, 100 * m.energy);
+}
+
+template <Architecture A, BodySet Set>
+void train(const Options& o, const ScenarioData& data) {
+  // Scenarios 0 ... tenth - 1 are the test set, those up to 2 tenth validate.
+  const Eigen::Index n = data.count(), tenth = n / 10;
+  using Network = typename paper::NetworkOf<A>::type;
+  PredictorOf<A> predictor{Network(o.training.seed), {}, {}, free_flow<Set>(), o.target};
+  const TrainingSet<PredictorOf<A>> set(predictor, data, 0, 2 * tenth, n);
+  Trainer trainer(predictor.network, set.samples(2 * tenth, n - 2 * tenth), set.samples(tenth, tenth),
+                  o.training);
+  Metadata made_from = metadata(o);
+  made_from["data"] = Json{{"scenarios", n},
+                           {"horizon", o.horizon},
+                           {"target", o.target == Target::state ? "state" : "residual"},
+                           {"truth_step", TruthOptions{}.step}}
+                          .dump();
+  if (o.resume) load_checkpoint(o.checkpoint, trainer, made_from);
+
+  std::printf("%s, %s, %g s ahead: %ld scenarios to train on, %ld to validate, %ld to test\n",
+              paper::name(A).c_str(), paper::name(o.target).c_str(), o.horizon, long(n - 2 * tenth),
+              long(tenth), long(tenth));
+  if (o.resume) std::printf("  resumed after epoch %d\n", static_cast<int>(trainer.state().progress.epoch));
+  const TrainingStatus status = trainer.train([&](const EpochReport& r) {
+    std::printf(
+        "\r  epoch %3d/%d   training loss %8.4f   validation loss %8.4f (best %8.4f)   %6.0f samples/s   %s "
+        "left ",
+        static_cast<int>(r.epoch), r.epochs, r.train_loss, r.validation_loss, r.best_loss,
+        r.samples_per_second, paper::clock_text(r.seconds_left).c_str());
+    std::fflush(stdout);
+    if (!o.checkpoint.empty()) save_checkpoint(o.checkpoint, trainer, made_from);
+    return true;
+  });
+  const TrainingProgress& done = trainer.state().progress;
+  if (status == TrainingStatus::diverged)
+    throw Error(
+        detail::text("after epoch ", done.epoch,
+                     " the loss was no number; a smaller --learning-rate may help; no model is saved"));
+  predictor.network = trainer.best();
+  save(o.out, predictor, metadata(o));
+  std::printf("\n  %s after epoch %d; the best was epoch %d\n\n",
+              status == TrainingStatus::early_stopped ? "stopped early" : "done",
+              static_cast<int>(done.epoch), static_cast<int>(done.best_epoch));
+
+  const auto body = scenario_body<Set>();
+  const auto error = [&](const auto& predict) {
+    return measure(data, 0, 0, predict_all(data, 0, tenth, predict), body.inertia(), body.mass());
+  };
+  const Metrics model = error([&](const auto& state, const auto& wrench, int present) {
+    return predictor.predict(state, wrench, present);
+  });
+  const Metrics flow = error(ContactFree{free_flow<Set>(), o.horizon});
+  std::printf("%g s ahead, %ld test scenarios, mean square errors per component\n", o.horizon, long(tenth));
+  std::printf("  %-18s %12s %12s %12s %12s %10s %8s\n", "", "position", "orientation", "velocity",
+              "ang. vel.", "angle deg", "ECE %");
+  print_row("model", model);
+  print_row("contact-free flow", flow);
+  if (!o.json.empty()) {
+    const Json found{{"model", paper::to_json(model)}, {"contact-free flow", paper::to_json(flow)},
+                     {"test_scenarios", tenth},        {"epochs", done.epoch},
+                     {"best_epoch", done.best_epoch},  {"best_validation_loss", done.best_loss}};
+    paper::write_text(o.json, found.dump(1) + "\n");
+  }
+  std::printf("\nThe model: %s\n", o.out.c_str());
+}
+
+template <BodySet Set>
+void run(const Options& o) {
+  const ScenarioData data = data_of<Set>(o);
+  using enum Architecture;
+  switch (o.architecture) {
+    case residual10:
+      return train<residual10, Set>(o, data);
+    case residual4:
+      return train<residual4, Set>(o, data);
+    case forward4:
+      return train<forward4, Set>(o, data);
+    default:
+      return train<shallow, Set>(o, data);
+  }
+}
+
+/// An option that takes one of some names.
+template <class T>
+void choice(CLI::App& app, const std::string& option, T& value, const std::map<std::string, T>& names,
+            const std::string& help) {
+  std::string text, list;
+  for (const auto& [name, meaning] : names) {
+    if (meaning == value) text = name;
+    list += (list.empty() ? "" : ", ") + name;
+  }
+  app.add_option_function<std::string>(
+         option,
+         [&value, names, list, option](const std::string& found) {
+           const auto chosen = names.find(found);
+           if (chosen == names.end()) detail::refuse(option, "one of " + list, found);
+           value = chosen->second;
+         },
+         help + ": " + list)
+      ->default_str(text);
+}
+
+/// A number within bounds; what is no number is out of them.
+template <class T>
+void number(CLI::App& app, const std::string& option, T& value, T least, T most, const std::string& help) {
+  app.add_option(option, value, help)
+      ->check([least, most](const std::string& text) {
+        T found{};
+        const char* end = text.data() + text.size();
+        const auto [stopped, problem] = std::from_chars(text.data(), end, found);
+        if (problem == std::errc() && stopped == end && found >= least && found <= most) return std::string();
+        return detail::text("expected a number from ", least, " to ", most, ", found ", text);
+      })
+      ->capture_default_str();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "Simulates scenarios, trains a network to predict them, and saves the model. Defaults are those of "
+      "arXiv\n"
+      "2407.18798. Prints the errors on a tenth of the scenarios that the network never saw, beside those of "
+      "the\n"
+      "contact-free flow. Overwrites no file."};
+  Options o;
+  TrainingOptions& t = o.training;
+  choice<World>(app, "--world", o.world, {{"free", World::free_space}, {"room", World::room}}, "where");
+  choice<BodySet>(app, "--set", o.set, {{"standard", BodySet::standard}, {"box", BodySet::box}},
+                  "the bodies");
+  choice<Target>(app, "--target", o.target, {{"state", Target::state}, {"residual", Target::residual}},
+                 "what the network says, the state or what it differs by from the contact-free flow");
+  choice<Architecture>(app, "--network", o.architecture,
+                       {{"residual10", Architecture::residual10},
+                        {"residual4", Architecture::residual4},
+                        {"forward4", Architecture::forward4},
+                        {"shallow", Architecture::shallow}},
+                       "10 or 4 residual blocks, the same as 4 without skips, or two hidden layers");
+  number(app, "--horizon", o.horizon, 0.02, 60.0, "how far ahead, s; a whole number of 20 ms");
+  number(app, "--scenarios", o.scenarios, 10, 10'000'000, "80 % train, 10 % validate, 10 % test");
+  number(app, "--epochs", t.epochs, 1, 1'000'000, "at most");
+  number(app, "--batch-size", t.batch_size, 1, 1'000'000, "scenarios per step");
+  number(app, "--learning-rate", t.schedule.initial, 1e-30, 1e30, "of epoch 0");
+  number(app, "--gamma", t.schedule.gamma, 0.0, 1e3, "the learning rate falls as (1 + gamma epoch)^-power");
+  number(app, "--power", t.schedule.power, 0.0, 1e3, "see --gamma");
+  number(app, "--l2", t.l2, 0.0, 1e3, "factor of the squared weights in the loss");
+  number(app, "--dropout", t.dropout, 0.0, 0.999, "rate");
+  number(app, "--patience", t.patience, 0, 1'000'000,
+         "epochs without a better validation loss before it stops; 0: never");
+  number(app, "--seed", t.seed, std::uint64_t{0}, std::uint64_t{1} << 63,
+         "of the first weights, the shuffling and the dropout");
+  number(app, "--threads", t.threads, 0, 4096, "changes no bit; 0: all");
+  app.add_option(
+      "--data", o.data,
+      "folder with the scenarios as .npy; made where there is none, which may be stopped and goes on");
+  app.add_option("--checkpoint", o.checkpoint, "file to save the run to after each epoch");
+  app.add_flag("--resume", o.resume, "go on from the checkpoint, to the same bits");
+  app.add_option("--out", o.out, "file of the model; rbres_rollout takes it")->capture_default_str();
+  app.add_option("--json", o.json, "file for the table's figures");
+  try {
+    app.parse(argc, argv);
+    check_files(o);
+    o.set == BodySet::standard ? run<BodySet::standard>(o) : run<BodySet::box>(o);
+  } catch (const CLI::ParseError& problem) {
+    if (problem.get_exit_code() == 0) return app.exit(problem);  // --help
+    std::fprintf(stderr, "rbres_train: %s\n", problem.what());
+    return 2;
+  } catch (const std::exception& problem) {
+    std::fprintf(stderr, "rbres_train: %s\n", problem.what());
+    return 2;
+  }
+}
