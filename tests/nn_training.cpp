@@ -112,6 +112,35 @@ TEST_CASE("a run that goes on from a saved state ends with the same bits") {
   }
 }
 
+TEST_CASE("every epoch takes all samples once, in an order of its own that the seed gives") {
+  const Smooth train(100, 1);
+  const auto orders = [&](std::uint64_t seed) {
+    std::vector<std::vector<Eigen::Index>> epochs;
+    Loss<float> listening;
+    listening.extra = [&](Eigen::Index sample, auto, auto, auto) {
+      epochs.back().push_back(sample);
+      return 0.0;
+    };
+    auto options = short_run();
+    options.seed = seed;
+    Trainer trainer(Small(1), train.samples(), {}, options, Adam{}, listening);
+    for (int epoch = 0; epoch < 2; ++epoch) {
+      epochs.emplace_back();
+      trainer.run_epoch();
+    }
+    return epochs;
+  };
+  auto first = orders(3);
+  CHECK(first == orders(3));
+  CHECK(first != orders(4));
+  CHECK(first[0] != first[1]);
+  for (auto& epoch : first) {
+    std::sort(epoch.begin(), epoch.end());
+    REQUIRE(epoch.size() == 100);
+    for (Eigen::Index i = 0; i < 100; ++i) CHECK(epoch[static_cast<std::size_t>(i)] == i);
+  }
+}
+
 TEST_CASE("schedules") {
   const Schedule paper;
   CHECK(paper.rate(0, 200) == 1e-3);
