@@ -141,6 +141,26 @@ TEST_CASE("every epoch takes all samples once, in an order of its own that the s
   }
 }
 
+TEST_CASE("the loss that is reported is the weighted mean over samples, however they fall into batches") {
+  const Smooth train(120, 1);
+  const Matrix<float> weights = normal<float>(2, 120, 5).cwiseAbs();
+  Loss<float> loss;
+  loss.output_weights = {2, 3};
+  auto options = short_run();  // batches of 50, 50 and 20
+  options.dropout = 0;
+  options.schedule.initial = 1e-30;
+  Trainer trainer(Small(1), {columns(train.x), columns(train.y), columns(weights)}, {}, options, Adam{},
+                  loss);
+  double expected = 0;
+  for (Eigen::Index i = 0; i < 120; ++i) {
+    const Eigen::Vector2f error = Small(1).forward(Small::Input(train.x.col(i))) - train.y.col(i);
+    expected += static_cast<double>(2 * weights(0, i) * error[0] * error[0] +
+                                    3 * weights(1, i) * error[1] * error[1]) /
+                120;
+  }
+  CHECK(trainer.run_epoch().train_loss == doctest::Approx(expected).epsilon(1e-5));
+}
+
 TEST_CASE("schedules") {
   const Schedule paper;
   CHECK(paper.rate(0, 200) == 1e-3);
@@ -228,6 +248,7 @@ TEST_CASE("a loss that turns non-finite stops the run and keeps the last good we
     return true;
   }) == TrainingStatus::diverged);
   CHECK(trainer.state().progress.epoch == 3);
+  CHECK(trainer.state().progress.step == 6);  // two batches an epoch: none after the bad loss
   for (const float p : trainer.best().parameters()) REQUIRE(std::isfinite(p));
   CHECK(std::isfinite(mean_loss(trainer.best(), train.samples())));
 
