@@ -260,9 +260,9 @@ TEST_CASE("a loss that turns non-finite stops the run and keeps the last good we
 
 TEST_CASE_TEMPLATE("optimisers step as their papers say", Optimizer, Adam, AdamW, Sgd) {
   using Net = Network<double, Sequential<Linear<3, 2>>>;
-  const Matrix<double> x = normal<double>(3, 4, 1), y = normal<double>(2, 4, 2);
+  const Matrix<double> x = normal<double>(3, 300, 1), y = normal<double>(2, 300, 2);
   const TrainingOptions options{
-      .epochs = 5, .batch_size = 4, .schedule = {.initial = 0.01}, .l2 = 0.1, .threads = 1};
+      .epochs = 5, .batch_size = 300, .schedule = {.initial = 0.01}, .l2 = 0.1, .threads = 1};
   Trainer trainer(Net(1), {columns(x), columns(y)}, {}, options, Optimizer{});
   const auto tensors = Net::tensors();
 
@@ -270,13 +270,13 @@ TEST_CASE_TEMPLATE("optimisers step as their papers say", Optimizer, Adam, AdamW
   Matrix<double> w(2, 4), m = Matrix<double>::Zero(2, 4), v = m;  // [W, b]
   for (int r = 0; r < 2; ++r)
     for (int c = 0; c < 4; ++c) w(r, c) = start.parameters()[tensors[c == 3].index(r, c == 3 ? 0 : c)];
-  Matrix<double> x1(4, 4), decays = Matrix<double>::Ones(2, 4);
-  x1 << x, Eigen::RowVector4d::Ones();
+  Matrix<double> x1(4, 300), decays = Matrix<double>::Ones(2, 4);
+  x1 << x, Eigen::RowVectorXd::Ones(300);
   decays.col(3).setZero();
   for (int t = 1; t <= 5; ++t) {
     trainer.run_epoch();
     const double rate = options.schedule.rate(t - 1, 5);
-    const Matrix<double> g = 2 * (w * x1 - y) * x1.transpose() / 4 + 2 * 0.1 * w.cwiseProduct(decays);
+    const Matrix<double> g = 2 * (w * x1 - y) * x1.transpose() / 300 + 2 * 0.1 * w.cwiseProduct(decays);
     if constexpr (std::is_same_v<Optimizer, Sgd>) {
       m = 0.9 * m + g;
       w -= rate * m;
