@@ -1,31 +1,38 @@
 // The experiment of arXiv 2407.18798, run for real: simulate, train, evaluate, roll out.
 #include <CLI/CLI.hpp>
+#include <ctime>
 
 #include "paper/figures.hpp"
 #include "paper/report.hpp"
 #include "paper/rollout.hpp"
-#include "paper/training.hpp"
+#include "paper/timing.hpp"
 
 namespace paper {
 
-/// Makes the data of one world and set, with progress.
+/// The data of one world and set, from the folder where they are kept. What is missing there is made first.
 template <BodySet Set>
-ScenarioData make_data(const ScenarioSampler<Set>& sampler, Eigen::Index count, const Plan& plan) {
+ScenarioData make_data(const Bench<Set>& bench, Eigen::Index count) {
+  const auto folder = bench.store.folder() / "data" / bench.label();
+  const auto& horizons = bench.plan.horizons;
   const auto start = std::chrono::steady_clock::now();
-  const ScenarioData data = generate(sampler, 0, count, plan.horizons, {}, [&](Eigen::Index done) {
+  Eigen::Index before = -1;
+  std::printf("\n%s: %ld scenarios over %g s\n", bench.label().c_str(), static_cast<long>(count),
+              horizons.back());
+  write_dataset(folder, bench.sampler(), count, horizons, {}, [&](Eigen::Index done) {
+    if (before < 0) before = done;
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    std::printf("\r  %ld of %ld scenarios, %s left ", static_cast<long>(done), static_cast<long>(count),
-                clock_text(seconds * static_cast<double>(count - done) / static_cast<double>(done)).c_str());
+    const double left = done > before ? seconds * double(count - done) / double(done - before) : 0.0;
+    std::printf("\r  %ld simulated, %s left ", static_cast<long>(done), clock_text(left).c_str());
     std::fflush(stdout);
   });
   std::printf("\n");
-  return data;
+  return read_dataset(folder, bench.sampler(), count, horizons);
 }
 
 /// Everything that is measured in one world on one set. `results` collects it by name.
 template <BodySet Set>
 void run(World world, const Plan& plan, const Store& store, Json& results) {
-  const std::string label = std::string(rbres::name(world)) + "-" + std::string(rbres::name(Set));
+  const std::string label = label_of(world, Set);
   Eigen::Index count = 0, least = std::numeric_limits<Eigen::Index>::max();
   std::vector<const Unit*> units;
   for (const Unit& unit : plan.units) {
@@ -34,32 +41,65 @@ void run(World world, const Plan& plan, const Store& store, Json& results) {
     count = std::max<Eigen::Index>(count, unit.protocol.scenarios);
     least = std::min<Eigen::Index>(least, unit.protocol.scenarios);
   }
-  const ScenarioSampler<Set> sampler(world, 1);
   Bench<Set> bench{plan, store, world, least / 10, {}};
   // The data are made when the first part that needs them is; a run that goes on may need none.
-  const auto with_data = [&](const auto& make) {
-    return [&, make] {
-      if (bench.data.count() == 0) {
-        std::printf("\n%s: simulating %ld scenarios over %g s\n", label.c_str(), static_cast<long>(count),
-                    plan.horizons.back());
-        bench.data = make_data(sampler, count, plan);
-      }
+  const auto part = [&](const std::string& name, const Json& setting, const auto& make) {
+    Json made_from = bench.made_from();
+    made_from.update(setting);
+    return store.part(name, made_from, [&] {
+      if (bench.data.count() == 0) bench.data = make_data(bench, count);
       return make();
-    };
+    });
   };
-  results["floor"][label] = store.part("floor-" + label, with_data([&] { return bench.floor(sampler); }));
-  results["baselines"][label] =
-      store.part("baselines-" + label, with_data([&] { return bench.baselines(); }));
+  results["floor"][label] =
+      part("floor-" + label, {{"scenarios_of_shares", count}, {"halved", plan.floor_scenarios}},
+           [&] { return bench.floor(); });
+  results["baselines"][label] = part("baselines-" + label, Json::object(), [&] { return bench.baselines(); });
   for (const Unit* unit : units) {
-    const std::string part = name(*unit, plan);
-    std::printf("\n%s: %s, %s, %g s ahead, seed %d\n", label.c_str(), name(unit->architecture).c_str(),
-                name(unit->target).c_str(), plan.horizons[unit->horizon], static_cast<int>(unit->seed));
-    std::fflush(stdout);
-    results["networks"][part] = store.part(part, with_data([&] { return train_unit(*unit, bench); }));
+    const std::string name = paper::name(*unit, plan);
+    Json found = part(name, Json::object(), [&] {
+      std::printf("\n%s: %s, %g s ahead, seed %d (network %d of %d)\n", label.c_str(),
+                  method_of(*unit).c_str(), plan.horizons[unit->horizon], static_cast<int>(unit->seed),
+                  1 + static_cast<int>(results["networks"].size()), static_cast<int>(plan.units.size()));
+      return train_unit(*unit, bench);
+    });
+    results["networks"][name] = std::move(found);
+    remove_checkpoint(store, name);
   }
   if constexpr (Set == BodySet::standard) {
-    results["rollout"][label] = store.part("rollout-" + label, [&] { return roll_out(bench, sampler); });
+    results["rollout"][label] = store.part("rollout-" + label,
+                                           {{"model", name(rolled_out(plan, world, Set), plan)},
+                                            {"seconds", plan.rollout_seconds},
+                                            {"scenarios", plan.rollouts},
+                                            {"made_from", bench.made_from()}},
+                                           [&] { return roll_out(bench); });
   }
+}
+
+/// Calls each(world, std::integral_constant<BodySet, Set>) for all of the plan.
+template <class Each>
+void for_all(const Plan& plan, const Each& each) {
+  for (const auto& [world, set] : places(plan)) {
+    if (set == BodySet::standard)
+      each(world, std::integral_constant<BodySet, BodySet::standard>{});
+    else
+      each(world, std::integral_constant<BodySet, BodySet::box>{});
+  }
+}
+
+/// The first lines of results.md: what was run, when and on what.
+inline std::string origin(const std::string& command, const std::string& commit) {
+  std::string processor = "unknown processor", line;
+  for (std::ifstream cpuinfo("/proc/cpuinfo"); std::getline(cpuinfo, line);) {
+    if (line.starts_with("model name")) processor = line.substr(line.find(':') + 2);
+  }
+  const std::time_t now = std::time(nullptr);
+  char date[32];
+  std::strftime(date, sizeof date, "%Y-%m-%d", std::gmtime(&now));
+  return detail::text("# Results of rbres_paper\n\nMade by `", command, "` on ", date, ", rbres ",
+                      RBRES_VERSION_MAJOR, ".", RBRES_VERSION_MINOR, ".", RBRES_VERSION_PATCH,
+                      commit.empty() ? "" : ", commit " + commit, "; ", processor, ", ", default_threads(),
+                      " threads; compiler ", __VERSION__, "; scenarios \"", scenario_version, "\".\n\n");
 }
 
 }  // namespace paper
@@ -71,11 +111,12 @@ int main(int argc, char** argv) {
       "moment; the\n"
       "same command goes on where it was."};
   bool quick = false;
-  std::string folder, json;
-  app.add_flag("--quick", quick, "a small version, about a minute on two cores");
+  std::string folder, json, commit;
+  app.add_flag("--quick", quick, "a small version, about half a minute on two cores");
   app.add_option("--out", folder, "folder for results, models and figures")
       ->default_str("rbres_paper or rbres_paper_quick");
   app.add_option("--json", json, "also save every figure of every table, by name, to this file");
+  app.add_option("--commit", commit, "what results.md says of the version of the sources");
   try {
     app.parse(argc, argv);
     const Plan plan = quick ? quick_plan() : full_plan();
@@ -84,17 +125,18 @@ int main(int argc, char** argv) {
                 quick ? "The quick experiment" : "The whole experiment", static_cast<int>(plan.units.size()),
                 store.folder().c_str());
     Json results;
-    for (const World world : {World::free_space, World::room}) {
-      for (const BodySet set : plan.sets) {
-        set == BodySet::standard ? run<BodySet::standard>(world, plan, store, results)
-                                 : run<BodySet::box>(world, plan, store, results);
-      }
-    }
-    report(plan, results);
-    draw_figures(plan, store, results);
+    for_all(plan, [&](World world, auto set) { run<set()>(world, plan, store, results); });
+    for_all(plan, [&](World world, auto set) {
+      const Bench<set()> bench{plan, store, world, 0, {}};
+      results["timing"][bench.label()] = time_methods(bench);
+    });
+    const std::string command = "rbres_paper" + std::string(quick ? " --quick" : "");
+    write_text(store.folder() / "results.md", origin(command, commit) + report(plan, results));
     write_text(store.folder() / "results.json", results.dump(1) + "\n");
     if (!json.empty()) write_text(json, results.dump(1) + "\n");
-    std::printf("\nEvery figure: %s\n", (store.folder() / "results.json").c_str());
+    std::printf("\nEvery table: %s\nEvery figure of them by name: %s\n",
+                (store.folder() / "results.md").c_str(), (store.folder() / "results.json").c_str());
+    draw_figures(plan, store, results);
   } catch (const CLI::ParseError& problem) {
     if (problem.get_exit_code() == 0) return app.exit(problem);  // --help
     std::fprintf(stderr, "rbres_paper: %s\n", problem.what());

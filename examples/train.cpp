@@ -156,9 +156,9 @@ void train(const Options& o, const ScenarioData& data) {
   print_row("model", model);
   print_row("contact-free flow", flow);
   if (!o.json.empty()) {
-    const Json found{{"model", paper::to_json(model, 0)}, {"contact-free flow", paper::to_json(flow, 0)},
-                     {"test_scenarios", tenth},           {"epochs", done.epoch},
-                     {"best_epoch", done.best_epoch},     {"best_validation_loss", done.best_loss}};
+    const Json found{{"model", paper::to_json(model)}, {"contact-free flow", paper::to_json(flow)},
+                     {"test_scenarios", tenth},        {"epochs", done.epoch},
+                     {"best_epoch", done.best_epoch},  {"best_validation_loss", done.best_loss}};
     paper::write_text(o.json, found.dump(1) + "\n");
   }
   std::printf("\nThe model: %s\n", o.out.c_str());

@@ -69,30 +69,42 @@ TEST_CASE("any inertia tensor is taken to its principal axes") {
   CHECK((x - axes.transpose().col(0)).norm() < 1e-14);
 }
 
-TEST_CASE("impossible bodies are refused, and the message says why") {
-  CHECK_REFUSED((Body{Sphere{0.1}, 0.0}), "body, mass: expected a positive number of kg, found 0");
-  CHECK_REFUSED((Body{Sphere{0.1}, double(NAN)}), "body, mass: expected a positive number of kg, found nan");
-  CHECK_REFUSED((Body{Sphere{-0.1}, 1.0}), "body, sphere radius: expected a positive length, found -0.1");
+TEST_CASE("impossible bodies are refused, and the message says which and why") {
+  const auto ball = [](const char* mass) {
+    return detail::text("body (sphere of radius 0.1 m, ", mass, " kg), ");
+  };
+  CHECK_REFUSED((Body{Sphere{0.1}, 0.0}), ball("0") + "mass: expected a positive number of kg, found 0");
+  CHECK_REFUSED((Body{Sphere{0.1}, double(NAN)}),
+                ball("nan") + "mass: expected a positive number of kg, found nan");
+  CHECK_REFUSED((Body{Sphere{-0.1}, 1.0}),
+                "body (sphere of radius -0.1 m, 1 kg), sphere radius: expected a "
+                "positive length, found -0.1");
   CHECK_REFUSED((Body{Box{0.1, 0.0, 0.1}, 1.0}),
-                "body, box half extent: expected a positive length, found 0");
+                "body (box of half extents (0.1, 0, 0.1) m, 1 kg), box half "
+                "extent: expected a positive length, found 0");
   CHECK_REFUSED((Body{Capsule{0.1, -1.0}, 1.0}),
-                "body, capsule half length: expected a length of 0 or more, found -1");
-  CHECK_REFUSED((Body{Sphere{0.1}, 1.0, Vec3<double>{1, 1, 3}}),
-                "body, inertia: expected no moment larger than the sum of the other two, found (1, 1, 3)");
+                "body (capsule of radius 0.1 m and half length -1 m, 1 kg), "
+                "capsule half length: expected a length of 0 or more, found -1");
+  CHECK_REFUSED(
+      (Body{Sphere{0.1}, 1.0, Vec3<double>{1, 1, 3}}),
+      ball("1") + "inertia: expected no moment larger than the sum of the other two, found (1, 1, 3)");
   CHECK_REFUSED((Body{Sphere{0.1}, 1.0, Vec3<double>{1, -1, 1}}),
-                "body, inertia: expected three positive moments (kg m^2), found (1, -1, 1)");
+                ball("1") + "inertia: expected three positive moments (kg m^2), found (1, -1, 1)");
   CHECK_REFUSED((Body{Sphere{0.1}, 1.0, Material<double>{1.5, 0.3}}),
-                "body, restitution: expected a number in [0, 1], found 1.5");
+                ball("1") + "restitution: expected a number in [0, 1], found 1.5");
   CHECK_REFUSED((Body{Sphere{0.1}, 1.0, Material<double>{0.5, -0.3}}),
-                "body, friction: expected a number of 0 or more, found -0.3");
+                ball("1") + "friction: expected a number of 0 or more, found -0.3");
   Eigen::Matrix3d tensor = Eigen::Matrix3d::Identity();
   tensor(0, 1) = 0.5;
-  CHECK_REFUSED(principal_inertia<double>(tensor), "body, inertia tensor: expected a symmetric");
+  using Ball = Body<double, Sphere<double>>;
+  CHECK_REFUSED((Ball{Sphere{0.1}, 1.0, tensor}), ball("1") + "inertia tensor: expected a symmetric matrix");
   tensor(0, 0) = INFINITY;
-  CHECK_REFUSED(principal_inertia<double>(tensor), "body, inertia tensor: expected finite");
+  CHECK_REFUSED((Ball{Sphere{0.1}, 1.0, tensor}), ball("1") + "inertia tensor: expected finite numbers");
   const Body good{Sphere{0.1}, 1.0};
   CHECK_REFUSED((System<double, 1, Sphere<double>>{{good}, {Plane<double>{{0, 0, 2}, 0, {}}}}),
                 "plane 0, normal: expected a unit vector, found one of length 2");
+  CHECK_REFUSED((System<double, 1, Sphere<double>>{{good}, {{}, {{0, 0, 1}, 0, {0.5, NAN}}}}),
+                "plane 1, friction: expected a number of 0 or more, found nan");
 }
 
 TEST_CASE("states can be copied as bytes") {

@@ -50,12 +50,12 @@ void check_gradients() {
   std::vector<std::uint32_t> order(count);
   std::iota(order.begin(), order.end(), 0u);
   Backpropagation<Net> pass(count);
-  const auto run = [&] { return pass.run(net, samples, loss, order, {0.3, 5, 6}, 1, true); };
+  const auto run = [&] { return pass.run(net, samples, loss, order, {0.3, 5, 6}, {}, true); };
   run();
   const Matrix by_input = pass.input_gradient();
   AlignedBuffer<double> by_parameters(Net::block_size);
   pass.parameter_gradient(
-      1, [&](std::size_t at, const auto& g, bool) { detail::store(by_parameters.data() + at, g); });
+      {}, [&](std::size_t at, const auto& g, bool) { detail::store(by_parameters.data() + at, g); });
 
   double worst = 0;
   const auto compare = [&](double& number, double gradient) {

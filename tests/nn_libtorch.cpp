@@ -198,10 +198,10 @@ TEST_CASE("the same gradients") {
   std::vector<std::uint32_t> order(64);
   for (std::uint32_t i = 0; i < 64; ++i) order[i] = 3 * i;
   Backpropagation<Paper<float>> backpropagation(64);
-  const double our_loss = backpropagation.run(shared.network, shared.samples(), {}, order, {}, 1, true);
+  const double our_loss = backpropagation.run(shared.network, shared.samples(), {}, order, {}, {}, true);
   AlignedBuffer<float> gradient(Paper<float>::block_size);
   backpropagation.parameter_gradient(
-      1, [&](std::size_t at, const auto& g, bool) { std::memcpy(gradient.data() + at, &g, sizeof g); });
+      {}, [&](std::size_t at, const auto& g, bool) { std::memcpy(gradient.data() + at, &g, sizeof g); });
 
   const auto every_third = torch::indexing::Slice(0, 3 * 64, 3);
   const auto x = rows(shared.x).index({every_third}).clone().requires_grad_();

@@ -55,10 +55,10 @@ TEST_CASE("bad states and options are refused, and the message names them") {
   auto y = falling();
   CHECK(refusal_of(system, y, {.duration = 0.01}) == "");
   y[1].velocity.y = NAN;
-  CHECK(refusal_of(system, y) == "body 1, state component 8: expected a finite number, found nan");
+  CHECK(refusal_of(system, y) == "body 1, velocity y: expected a finite number, found nan");
   y = falling();
   y[2].position.x = INFINITY;
-  CHECK(refusal_of(system, y) == "body 2, state component 0: expected a finite number, found inf");
+  CHECK(refusal_of(system, y) == "body 2, position x: expected a finite number, found inf");
   y = falling();
   y[2].orientation = {0, 0, 0, 0};
   CHECK(refusal_of(system, y) == "body 2, orientation: expected a unit quaternion, found one of length 0");

@@ -32,8 +32,11 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
   for (const World world : {World::free_space, World::room}) {
     const std::string label = std::string(rbres::name(world)) + "-standard";
     const std::string where = world == World::free_space ? "free space" : "room";
-    const std::size_t h =
-        plan.rollout_horizon + (plan.rollout_horizon + 1 < plan.horizons.size() && plan.horizons.size() == 3);
+    const std::size_t h = plan.figure_horizon;
+    const Json& times = results.at("timing").at(label).at(std::to_string(h));
+    const auto us = [&](const std::string& method) {
+      return times.at(method).at("us").at("median").get<double>();
+    };
     std::ostringstream ahead;
     ahead << plan.horizons[h] << " s ahead, " << where;
 
@@ -44,18 +47,18 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
     for (const auto& [method, m] : results["baselines"][label][std::to_string(h)].items()) {
       auto& group = method.starts_with("RK4") ? rk4 : trivial;
       group.labels.push_back(method.starts_with("RK4") ? method.substr(4) : method);
-      group.x.push_back(m["us_per_scenario"]);
+      group.x.push_back(us(method));
       group.y.push_back(m["position"]);
     }
     for (const Unit& u : plan.units) {
       if (u.world != world || u.set != BodySet::standard || u.horizon != h || u.seed != 1) continue;
       const Json& m = results["networks"][name(u, plan)];
-      networks.labels.push_back(name(u.architecture) + ", " + name(u.target));
-      networks.x.push_back(m["us_per_scenario"]);
+      networks.labels.push_back(method_of(u));
+      networks.x.push_back(us(method_of(u)));
       networks.y.push_back(m["position"]);
     }
     drawn &= figures::draw_trade_off(
-        figure("error_against_time-" + label, "Error against cost, " + ahead.str(),
+        figure("error_against_cost-" + label, "Error against cost, " + ahead.str(),
                "microseconds per scenario, one thread", "mean square position error, m²"),
         {rk4, trivial, networks});
 
@@ -80,7 +83,8 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
       train.x.push_back(point[0]), validation.x.push_back(point[0]);
       train.y.push_back(point[1]), validation.y.push_back(point[2]);
     }
-    drawn &= figures::draw_curves(figure("training-" + label, "Training, " + ahead.str(), "epoch", "loss"),
+    drawn &= figures::draw_curves(figure("training-" + label, "Training, " + ahead.str(), "epoch",
+                                         "mean over samples of the squared normalised error"),
                                   {train, validation}, {.log_y = true});
 
     std::vector<std::string> families;
@@ -88,6 +92,7 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
         {"residual network", {}}, {"contact-free flow", {}}, {"RK4 20 ms", {}}};
     const Json& baselines = results["baselines"][label][std::to_string(h)];
     for (const auto& [family, q] : shown["families"].items()) {
+      if (family == "no collision" || family == "one collision" || q["count"] == 0) continue;
       families.push_back(family);
       const auto add = [&](std::size_t i, const Json& f) {
         series[i].quartiles.push_back({f["low"], f["median"], f["high"]});

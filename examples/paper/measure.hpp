@@ -8,7 +8,7 @@
 
 namespace paper {
 
-inline Json to_json(const Metrics& m, double us) {
+inline Json to_json(const Metrics& m) {
   const auto four = [](const double(&x)[4]) { return Json{x[0], x[1], x[2], x[3]}; };
   return {{"position", m.position},
           {"orientation", m.orientation},
@@ -22,42 +22,70 @@ inline Json to_json(const Metrics& m, double us) {
           {"pearson", m.pearson},
           {"within_half", m.within_half},
           {"bodies", m.bodies},
-          {"collided", m.collided},
-          {"us_per_scenario", us}};
+          {"collided", m.collided}};
 }
 
 /// The data of one world and set, and who is measured on it. Scenarios 0 ... tests - 1 are the test set of
 /// every method.
 template <BodySet Set>
 struct Bench {
+  static constexpr std::uint64_t seed = 1;  // of the scenarios
+
   const Plan& plan;
   const Store& store;
   World world;
   Eigen::Index tests;
   ScenarioData data;
 
-  std::string label() const { return std::string(rbres::name(world)) + "-" + std::string(rbres::name(Set)); }
+  std::string label() const { return label_of(world, Set); }
+  ScenarioSampler<Set> sampler() const { return {world, seed}; }
 
-  /// All figures of one method at horizon h. `single` predicts for one scenario, on one thread: that is what
-  /// is timed.
+  /// All that decides what is found on this bench, beside the part's own setting.
+  Json made_from() const {
+    return {{"scenarios", scenario_version},
+            {"seed", seed},
+            {"truth_step", TruthOptions{}.step},
+            {"horizons", plan.horizons},
+            {"tests", tests},
+            {"version", {RBRES_VERSION_MAJOR, RBRES_VERSION_MINOR, RBRES_VERSION_PATCH}}};
+  }
+
+  /// All accuracy figures of one method at horizon h.
   template <class Predict>
   Json method(std::size_t h, const Predict& predict) const {
+    return accuracy(h, predict_all(data, 0, tests, predict));
+  }
+
+  Json accuracy(std::size_t h, const Eigen::MatrixXd& predicted) const {
     const auto body = scenario_body<Set>();
-    const Eigen::MatrixXd predicted = predict_all(data, 0, tests, predict);
-    const double us = microseconds(data, 0, std::min<Eigen::Index>(tests, plan.timed_scenarios), predict);
-    Json found = to_json(rbres::measure(data, h, 0, predicted, body.inertia(), body.mass()), us);
-    found["velocity_pairs"] = velocity_pairs(h, predicted);
-    const auto quartiles = [&](const std::string& key, const auto& chosen) {
-      const Quartiles q = position_quartiles(data, h, 0, predicted, chosen);
-      if (q.count > 0)
-        found["families"][key] = {{"low", q.low}, {"median", q.median}, {"high", q.high}, {"count", q.count}};
+    Json found = to_json(rbres::measure(data, h, 0, predicted, body.inertia(), body.mass()));
+    const auto quartiles = [&](const auto& chosen) {
+      const Quartiles q = position_quartiles(data, h, 0, predicted, chosen);  // of none: NaN, which is null
+      return Json{{"low", q.low}, {"median", q.median}, {"high", q.high}, {"count", q.count}};
     };
-    const int first = world == World::free_space ? 0 : 3, last = world == World::free_space ? 2 : 4;
-    for (int f = first; f <= last; ++f) {
-      quartiles(std::string(rbres::name(static_cast<Family>(f))),
-                [&](std::size_t s) { return data.family[s] == static_cast<Family>(f); });
-    }
+    found["all_scenarios"] = quartiles([](std::size_t) { return true; });
+    for (const auto& [group, chosen] : groups(h)) found["families"][group] = quartiles(chosen);
     return found;
+  }
+
+  /// The families of this world, and the scenarios with and without collisions by horizon h, by name.
+  std::vector<std::pair<std::string, std::function<bool(std::size_t)>>> groups(std::size_t h) const {
+    std::vector<std::pair<std::string, std::function<bool(std::size_t)>>> all;
+    for (const Family family : families()) {
+      all.emplace_back(rbres::name(family),
+                       [this, family](std::size_t s) { return data.family[s] == family; });
+    }
+    const auto impacts = [this, h](std::size_t s) {
+      return data.impacts(static_cast<Eigen::Index>(h), static_cast<Eigen::Index>(s));
+    };
+    all.emplace_back("no collision", [=](std::size_t s) { return impacts(s) == 0; });
+    all.emplace_back("one collision", [=](std::size_t s) { return impacts(s) == 1; });
+    all.emplace_back("several collisions", [=](std::size_t s) { return impacts(s) > 1; });
+    return all;
+  }
+  std::vector<Family> families() const {
+    if (world == World::free_space) return {Family::flight, Family::pair, Family::cluster};
+    return {Family::drop, Family::scatter};
   }
 
   /// Some velocity components, predicted and actual, of bodies in scenarios that had a contact.
@@ -76,59 +104,62 @@ struct Bench {
     return {{"actual", actual}, {"predicted", guess}};
   }
 
-  Simulated<Set> simulated(std::size_t h, double step, ContactMode mode) const {
-    return {world, {.step = step, .duration = plan.horizons[h], .contacts = mode}};
+  /// Calls each(name, predict) for contact-free flow, constant velocity, and RK4 with discrete contacts.
+  template <class Each>
+  void baselines_at(std::size_t h, const Each& each) const {
+    each("contact-free flow", ContactFree{free_flow<Set>(), plan.horizons[h]});
+    each("constant velocity", ConstantVelocity{plan.horizons[h]});
+    for (const int ms : rk4_steps) {
+      each(rk4_name(ms),
+           Simulated<Set>{
+               world, {.step = ms * 1e-3, .duration = plan.horizons[h], .contacts = ContactMode::discrete}});
+    }
   }
 
-  /// Contact-free flow, constant velocity and RK4 with discrete contacts, at every horizon.
+  /// The accuracy of every baseline at every horizon.
   Json baselines() const {
     Json all;
     for (std::size_t h = 0; h < plan.horizons.size(); ++h) {
-      std::printf("  baselines at %g s\n", plan.horizons[h]);
+      std::printf("\r  baselines at %g s   ", plan.horizons[h]);
       std::fflush(stdout);
-      Json& at = all[std::to_string(h)];
-      at["contact-free flow"] = method(h, ContactFree{free_flow<Set>(), plan.horizons[h]});
-      at["constant velocity"] = method(h, ConstantVelocity{plan.horizons[h]});
-      for (const int ms : {20, 10, 5, 2, 1}) {
-        at["RK4 " + std::to_string(ms) + " ms"] = method(h, simulated(h, ms * 1e-3, ContactMode::discrete));
-      }
+      baselines_at(h, [&](const std::string& method_name, const auto& predict) {
+        all[std::to_string(h)][method_name] = method(h, predict);
+      });
     }
+    std::printf("\n");
     return all;
   }
 
-  /// How far truth moves when its step is halved: no predictor can be better. Mean square position error and
-  /// angle, and quartiles by family. Also the share of scenarios that have had a contact.
-  Json floor(const ScenarioSampler<Set>& sampler) const {
+  /// How far truth moves when its step is halved: no predictor can be better. Also, by family, the share of
+  /// scenarios that have had a contact, and several.
+  Json floor() const {
     Json all;
     const Eigen::Index count = std::min<Eigen::Index>(tests, plan.floor_scenarios);
     TruthOptions half;
     half.step /= 2;
-    const ScenarioData finer = generate(sampler, 0, count, plan.horizons, half);
-    const auto body = scenario_body<Set>();
+    const ScenarioData finer = generate(sampler(), 0, count, plan.horizons, half);
     for (std::size_t h = 0; h < plan.horizons.size(); ++h) {
-      const Eigen::MatrixXd states = finer.states[h].cast<double>();
       Json& at = all[std::to_string(h)];
-      at["all"] = to_json(rbres::measure(data, h, 0, states, body.inertia(), body.mass()), 0);
-      const int first = world == World::free_space ? 0 : 3, last = world == World::free_space ? 2 : 4;
-      for (int f = first; f <= last; ++f) {
-        const auto family = static_cast<Family>(f);
-        const Quartiles q =
-            position_quartiles(data, h, 0, states, [&](std::size_t s) { return data.family[s] == family; });
-        long met = 0, of = 0;
+      at["all"] = accuracy(h, finer.states[h].cast<double>());
+      for (const Family family : families()) {
+        double contact = 0, several = 0, of = 0, impacts = 0;
         for (std::size_t s = 0; s < data.family.size(); ++s) {
           if (data.family[s] != family) continue;
+          const auto met = data.impacts(static_cast<Eigen::Index>(h), static_cast<Eigen::Index>(s));
           ++of;
-          met += static_cast<double>(data.first_contact[s]) <= plan.horizons[h] + 1e-6;
+          contact += met > 0;
+          several += met > 1;
+          impacts += met;
         }
-        at["families"][std::string(rbres::name(family))] = {
-            {"low", q.low},
-            {"median", q.median},
-            {"high", q.high},
-            {"contact_share", double(met) / double(std::max(of, 1L))}};
+        at["contacts"][std::string(rbres::name(family))] = {
+            {"share", contact / of}, {"several", several / of}, {"mean_impacts", impacts / of}};
       }
     }
     return all;
   }
+
+  static constexpr int rk4_steps[] = {20, 10, 5, 2, 1};  // ms
+  static std::string rk4_name(int ms) { return "RK4 " + std::to_string(ms) + " ms"; }
 };
 
 }  // namespace paper

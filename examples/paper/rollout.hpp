@@ -5,28 +5,31 @@
 
 namespace paper {
 
-/// Mean square position error and mean speed error against time, for the trained residual network, RK4 with
+/// The network that is rolled out: the residual one of plan.rollout_horizon.
+inline const Unit& rolled_out(const Plan& plan, World world, BodySet set) {
+  for (const Unit& unit : plan.units) {
+    const bool fits = unit.world == world && unit.set == set && unit.horizon == plan.rollout_horizon &&
+                      unit.target == Target::residual && unit.seed == 1;
+    if (fits && unit.architecture == Architecture::residual4) return unit;
+  }
+  throw Error("the plan trains no network to roll out");
+}
+
+/// Mean square errors of position and velocity against time, for the trained residual network, RK4 with
 /// discrete contacts and the contact-free flow, each taken from its own last state.
 template <BodySet Set>
-Json roll_out(const Bench<Set>& bench, const ScenarioSampler<Set>& sampler) {
+Json roll_out(const Bench<Set>& bench) {
   const Plan& plan = bench.plan;
   const double step = plan.horizons[plan.rollout_horizon];
   const int steps = static_cast<int>(std::lround(plan.rollout_seconds / step));
-  const Unit* chosen = nullptr;
-  for (const Unit& unit : plan.units) {
-    const bool fits = unit.world == bench.world && unit.set == Set && unit.horizon == plan.rollout_horizon &&
-                      unit.target == Target::residual && unit.seed == 1;
-    if (fits && unit.architecture == Architecture::residual4) chosen = &unit;
-  }
-  if (chosen == nullptr)
-    throw Error("the plan trains no network of " + std::to_string(step) + " s to roll out");
-  const auto predictor = load<PredictorOf<Architecture::residual4>>(bench.store.model(name(*chosen, plan)));
+  const auto predictor = load<PredictorOf<Architecture::residual4>>(
+      bench.store.model(name(rolled_out(plan, bench.world, Set), plan)));
 
   std::vector<double> times;
   for (int k = 1; k <= steps; ++k) times.push_back(std::round(k * step * 50) / 50);
   std::printf("\n%s: rolling %d scenarios out to %g s, %g s at a time\n", bench.label().c_str(),
               plan.rollouts, plan.rollout_seconds, step);
-  const ScenarioData truth = generate(sampler, 0, plan.rollouts, times);
+  const ScenarioData truth = generate(bench.sampler(), 0, plan.rollouts, times);
   Json found{{"time", times}};
   const auto body = scenario_body<Set>();
   const auto follow = [&](const std::string& method, const auto& predict) {
@@ -42,8 +45,8 @@ Json roll_out(const Bench<Set>& bench, const ScenarioSampler<Set>& sampler) {
   follow("residual network",
          [&](const auto& s, const auto& w, int present) { return predictor.predict(s, w, present); });
   follow("contact-free flow", ContactFree{free_flow<Set>(), step});
-  for (const int ms : {20, 5, 1}) {
-    follow("RK4 " + std::to_string(ms) + " ms",
+  for (const int ms : Bench<Set>::rk4_steps) {
+    follow(Bench<Set>::rk4_name(ms),
            Simulated<Set>{bench.world,
                           {.step = ms * 1e-3, .duration = step, .contacts = ContactMode::discrete}});
   }

@@ -33,28 +33,38 @@ class Store {
     return folder_ / "models" / (part + ".safetensors");
   }
 
-  /// Whether the part was finished by this or an earlier run with the same setting.
-  bool has(const std::string& part) const { return std::filesystem::exists(path(part)); }
-
-  /// The finished part, or what `make` finds, which is then saved.
-  Json part(const std::string& part, const std::function<Json()>& make) const {
-    if (has(part)) {
-      std::ifstream file(path(part));
-      try {
-        return Json::parse(file);
-      } catch (const nlohmann::json::exception&) {
-        throw rbres::Error(path(part).string() +
-                           ": not the JSON that this program wrote; remove it to make it anew");
-      }
+  /// A JSON file that this program wrote. Throws Error where it is not one.
+  static Json read(const std::filesystem::path& path) {
+    std::ifstream file(path);
+    try {
+      return Json::parse(file);
+    } catch (const nlohmann::json::exception&) {
+      throw rbres::Error(path.string() + ": not the JSON that this program wrote; remove it to make it anew");
     }
-    Json found = make();
-    write_text(path(part), found.dump(1) + "\n");
-    return found;
+  }
+
+  /// What a checkpoint or other file beside a part is called.
+  std::filesystem::path beside(const std::string& part, const std::string& ending) const {
+    return folder_ / "parts" / (part + ending);
+  }
+
+  /// The finished part, or what `make` finds, which is then saved. `made_from` is all that decides it: a part
+  /// that was made from something else is refused, not mixed in.
+  Json part(const std::string& part, const Json& made_from, const std::function<Json()>& make) const {
+    const auto path = beside(part, ".json");
+    if (!std::filesystem::exists(path)) {
+      Json found = make();
+      write_text(path, Json{{"made_from", made_from}, {"found", found}}.dump(1) + "\n");
+      return found;
+    }
+    const Json all = read(path);
+    if (all.contains("found") && all.contains("made_from") && all["made_from"] == made_from)
+      return all["found"];
+    throw rbres::Error(path.string() + ": not made from this run's setting, " + made_from.dump() +
+                       "; remove it, or take another --out");
   }
 
  private:
-  std::filesystem::path path(const std::string& part) const { return folder_ / "parts" / (part + ".json"); }
-
   std::filesystem::path folder_;
 };
 

@@ -33,66 +33,95 @@ inline std::string clock_text(double seconds) {
   return text;
 }
 
-/// Trains by the unit's protocol, with a checkpoint after every epoch, saves the predictor, and measures it.
+/// Trains by the unit's protocol, saves the predictor, and measures it. A checkpoint every few seconds; with
+/// it goes the curve so far, which may be an epoch ahead.
 template <Architecture A, BodySet Set>
 Json train_unit(const Unit& unit, const Bench<Set>& bench) {
+  using Clock = std::chrono::steady_clock;
+  const auto since = [](Clock::time_point start) {
+    return std::chrono::duration<double>(Clock::now() - start).count();
+  };
   const std::string part = name(unit, bench.plan);
   PredictorOf<A> predictor{typename NetworkOf<A>::type(unit.seed), {}, {}, free_flow<Set>(), unit.target};
   const Eigen::Index n = unit.protocol.scenarios, tenth = n / 10;
   const TrainingSet<PredictorOf<A>> set(predictor, bench.data, unit.horizon, 2 * tenth, n);
   Trainer trainer(predictor.network, set.samples(2 * tenth, n - 2 * tenth), set.samples(tenth, tenth),
                   {.epochs = unit.protocol.epochs, .seed = unit.seed});
-  const auto checkpoint = bench.store.folder() / "parts" / (part + ".checkpoint");
-  const Metadata made_from{{"unit", part}, {"scenarios", std::string(scenario_version)}};
-  if (std::filesystem::exists(checkpoint)) load_checkpoint(checkpoint, trainer, made_from);
+  const auto checkpoint = bench.store.beside(part, ".checkpoint");
+  const auto curve_file = bench.store.beside(part, ".curve");
+  const Metadata made_from{{"unit", part}, {"made_from", bench.made_from().dump()}};
+  Json curve = Json::array();  // [epoch, training loss, validation loss, seconds so far] of each epoch
+  if (std::filesystem::exists(checkpoint)) {
+    load_checkpoint(checkpoint, trainer, made_from);
+    curve = Store::read(curve_file);
+    while (curve.size() > trainer.state().progress.epoch) curve.erase(curve.size() - 1);
+  }
 
-  Json curve = Json::array();
-  const auto start = std::chrono::steady_clock::now();
+  const double before = curve.empty() ? 0.0 : curve.back()[3].get<double>();
+  const auto start = Clock::now();
+  auto saved = start;
   trainer.train([&](const EpochReport& r) {
-    curve.push_back({r.epoch, r.train_loss, r.validation_loss});
+    curve.push_back({r.epoch, r.train_loss, r.validation_loss, before + since(start)});
     std::printf(
         "\r  epoch %3d/%d   training loss %8.4f   validation loss %8.4f (best %8.4f)   %6.0f samples/s   %s "
         "left ",
         static_cast<int>(r.epoch), r.epochs, r.train_loss, r.validation_loss, r.best_loss,
         r.samples_per_second, clock_text(r.seconds_left).c_str());
     std::fflush(stdout);
-    if (unit.protocol.epochs > 50) save_checkpoint(checkpoint, trainer, made_from);
+    if (since(saved) > 4) {
+      write_text(curve_file, curve.dump());
+      save_checkpoint(checkpoint, trainer, made_from);
+      saved = Clock::now();
+    }
     return true;
   });
-  const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  std::printf("\n");
+  if (trainer.state().progress.status == TrainingStatus::diverged)
+    std::printf("  the loss became infinite: the weights before that are kept\n");
   predictor.network = trainer.best();
   save(bench.store.model(part), predictor,
        {{"world", std::string(rbres::name(unit.world))},
         {"set", std::string(rbres::name(Set))},
         {"scenarios", std::string(scenario_version)}});
-  Json found = bench.method(unit.horizon, [&](const auto& state, const auto& wrench, int present) {
-    return predictor.predict(state, wrench, present);
-  });
+  const Eigen::MatrixXd predicted =
+      predict_all(bench.data, 0, bench.tests, [&](const auto& state, const auto& wrench, int present) {
+        return predictor.predict(state, wrench, present);
+      });
+  Json found = bench.accuracy(unit.horizon, predicted);
+  if (unit.horizon == bench.plan.figure_horizon)
+    found["velocity_pairs"] = bench.velocity_pairs(unit.horizon, predicted);
   found["horizon"] = bench.plan.horizons[unit.horizon];
   found["best_validation_loss"] = trainer.state().progress.best_loss;
   found["epochs"] = trainer.state().progress.epoch;
-  found["seconds"] = seconds;
   found["curve"] = curve;
-  std::filesystem::remove(checkpoint);
-  std::printf("\n  position %.3g m^2   orientation %.3g   velocity %.3g   angular velocity %.3g   %.0f us\n",
-              found["position"].get<double>(), found["orientation"].get<double>(),
-              found["velocity"].get<double>(), found["angular_velocity"].get<double>(),
-              found["us_per_scenario"].get<double>());
   return found;
+}
+
+/// Checkpoint and curve of a unit that is finished.
+inline void remove_checkpoint(const Store& store, const std::string& part) {
+  std::filesystem::remove(store.beside(part, ".checkpoint"));
+  std::filesystem::remove(store.beside(part, ".curve"));
+}
+
+/// Calls with(std::integral_constant<Architecture, A>).
+template <class With>
+auto with_architecture(Architecture a, const With& with) {
+  using enum Architecture;
+  switch (a) {
+    case residual10:
+      return with(std::integral_constant<Architecture, residual10>{});
+    case residual4:
+      return with(std::integral_constant<Architecture, residual4>{});
+    case forward4:
+      return with(std::integral_constant<Architecture, forward4>{});
+    default:
+      return with(std::integral_constant<Architecture, shallow>{});
+  }
 }
 
 template <BodySet Set>
 Json train_unit(const Unit& unit, const Bench<Set>& bench) {
-  switch (unit.architecture) {
-    case Architecture::residual10:
-      return train_unit<Architecture::residual10>(unit, bench);
-    case Architecture::residual4:
-      return train_unit<Architecture::residual4>(unit, bench);
-    case Architecture::forward4:
-      return train_unit<Architecture::forward4>(unit, bench);
-    default:
-      return train_unit<Architecture::shallow>(unit, bench);
-  }
+  return with_architecture(unit.architecture, [&](auto a) { return train_unit<a()>(unit, bench); });
 }
 
 }  // namespace paper

@@ -143,8 +143,8 @@ class Rollouts {
     if (step.contacts.empty()) return;
     pull_back_to_outputs(predictor.floor, turns, step);
     backpropagation_.run(predictor.network, {columns_of(step.inputs), columns_of(step.outputs)}, loss_,
-                         std::span(order_).first(step.contacts.size()), DropoutMask{}, 1, true);
-    backpropagation_.parameter_gradient(1, [this](std::size_t place, detail::Simd<T> g, bool) {
+                         std::span(order_).first(step.contacts.size()), DropoutMask{}, Team{}, true);
+    backpropagation_.parameter_gradient(Team{}, [this](std::size_t place, detail::Simd<T> g, bool) {
       detail::store(gradient_.data() + place, detail::load(gradient_.data() + place) + g);
     });
     pull_back_to_states(predictor.floor, turns, step);

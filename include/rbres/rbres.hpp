@@ -13,6 +13,7 @@
 #include <rbres/dynamics/integrators.hpp>
 #include <rbres/eval/baselines.hpp>
 #include <rbres/eval/metrics.hpp>
+#include <rbres/eval/timing.hpp>
 #include <rbres/eval/training_set.hpp>
 #include <rbres/nn/nn.hpp>
 #include <rbres/predict/predictor.hpp>

@@ -25,12 +25,12 @@ S combined_friction(const Material<S>& a, const Material<S>& b) {
 
 namespace detail {
 template <class S>
-void check_material(const Material<S>& m, const std::string& what) {
+void check_material(const Material<S>& m) {
   if (!(m.restitution >= S(0) && m.restitution <= S(1))) {
-    refuse(text(what, ", restitution"), "a number in [0, 1]", m.restitution);
+    refuse("restitution", "a number in [0, 1]", m.restitution);
   }
   if (!(m.friction >= S(0)) || !is_finite(m.friction)) {
-    refuse(text(what, ", friction"), "a number of 0 or more", m.friction);
+    refuse("friction", "a number of 0 or more", m.friction);
   }
 }
 }  // namespace detail
@@ -56,7 +56,7 @@ class Body {
   /// is that of the principal axes; shape_rotation() says how the shape stands in them.
   Body(const Shape& shape, const S& mass, const Eigen::Matrix<S, 3, 3>& tensor,
        const Material<S>& material = {}) requires(!Packed<S>)
-      : Body(shape, mass, principal_inertia(tensor), material) {}
+      : Body(shape, mass, naming(shape, mass, [&] { return principal_inertia(tensor); }), material) {}
 
   /// A uniform solid of this density (kg/m^3).
   static Body of_density(const Shape& shape, const S& density, const Material<S>& material = {}) {
@@ -103,6 +103,16 @@ class Body {
   template <class, class>
   friend class Body;
 
+  /// What f() refuses names this body by what it is: an index it has only in a System.
+  template <class F>
+  static auto naming(const Shape& shape, const S& mass, const F& f) {
+    const auto name = [&] {
+      const auto of = detail::with_shape(shape, [](const auto& s) { return s.describe(); });
+      return detail::text("body (", of, ", ", mass, " kg)");
+    };
+    return detail::naming(name, f);
+  }
+
   Body(const Shape& shape, const S& mass, const PrincipalInertia<S>& inertia, const Material<S>& material)
       : shape_(shape),
         shape_rotation_(inertia.axes.conjugate()),
@@ -114,10 +124,12 @@ class Body {
         bounding_radius_(detail::with_shape(shape, [](const auto& s) { return s.bounding_radius(); })) {
     if constexpr (std::is_floating_point_v<S>) {  // packs and dual numbers are cast from bodies that were
                                                   // checked
-      if (!(mass > S(0)) || !is_finite(mass)) detail::refuse("body, mass", "a positive number of kg", mass);
-      detail::with_shape(shape, [](const auto& s) { s.check("body"); });
-      check_moments(inertia.moments, "body");
-      detail::check_material(material, "body");
+      naming(shape, mass, [&] {
+        if (!(mass > S(0)) || !is_finite(mass)) detail::refuse("mass", "a positive number of kg", mass);
+        detail::with_shape(shape, [](const auto& s) { s.check(); });
+        check_moments(inertia.moments);
+        detail::check_material(material);
+      });
     }
   }
 

@@ -15,18 +15,17 @@ struct PrincipalInertia {
 
 /// Refuses moments that no body can have: not positive, or one larger than the sum of the other two.
 template <class S>
-void check_moments(const Vec3<S>& moments, const std::string& what) {
+void check_moments(const Vec3<S>& moments) {
   const S m[3] = {moments.x, moments.y, moments.z};
   const auto found = detail::text("(", m[0], ", ", m[1], ", ", m[2], ")");
   for (int i = 0; i < 3; ++i) {
     if (!(m[i] > S(0)) || !is_finite(m[i]))
-      detail::refuse(detail::text(what, ", inertia"), "three positive moments (kg m^2)", found);
+      detail::refuse("inertia", "three positive moments (kg m^2)", found);
   }
   for (int i = 0; i < 3; ++i) {
     // Flat bodies reach equality, so rounding is let through.
     if (m[i] > (m[(i + 1) % 3] + m[(i + 2) % 3]) * (S(1) + S(8) * S(Constants<S>::epsilon))) {
-      detail::refuse(detail::text(what, ", inertia"), "no moment larger than the sum of the other two",
-                     found);
+      detail::refuse("inertia", "no moment larger than the sum of the other two", found);
     }
   }
 }
@@ -34,18 +33,16 @@ void check_moments(const Vec3<S>& moments, const std::string& what) {
 /// Takes a full inertia tensor (about the centre of mass, kg m^2) to its principal axes.
 /// Throws Error where the tensor is not symmetric, or belongs to no body.
 template <class S>
-PrincipalInertia<S> principal_inertia(const Eigen::Matrix<S, 3, 3>& tensor,
-                                      const std::string& what = "body") {
-  if (!tensor.allFinite())
-    detail::refuse(detail::text(what, ", inertia tensor"), "finite numbers", detail::text("\n", tensor));
+PrincipalInertia<S> principal_inertia(const Eigen::Matrix<S, 3, 3>& tensor) {
+  if (!tensor.allFinite()) detail::refuse("inertia tensor", "finite numbers", detail::text("\n", tensor));
   if ((tensor - tensor.transpose()).cwiseAbs().maxCoeff() > as<S>(1e-6) * tensor.cwiseAbs().maxCoeff()) {
-    detail::refuse(detail::text(what, ", inertia tensor"), "a symmetric matrix", detail::text("\n", tensor));
+    detail::refuse("inertia tensor", "a symmetric matrix", detail::text("\n", tensor));
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<S, 3, 3>> solver(tensor);
   Eigen::Matrix<S, 3, 3> axes = solver.eigenvectors();
   if (axes.determinant() < S(0)) axes.col(0) = -axes.col(0).eval();
   PrincipalInertia<S> principal{Vec3<S>(solver.eigenvalues()), Quat<S>(Eigen::Quaternion<S>(axes))};
-  check_moments(principal.moments, what);
+  check_moments(principal.moments);
   return principal;
 }
 

@@ -11,7 +11,7 @@ namespace rbres {
 /// largest speed at which a unit spin moves the surface along its normal, m), volume() (m^3),
 /// unit_inertia() (principal moments of a uniform solid over its mass, m^2), and frontal(v, factor): the
 /// factor times the area it turns towards a body-frame velocity v times |v| (m^3/s), from which the fluid's
-/// friction follows.
+/// friction follows; describe(), for messages; and check(), which throws Error for sizes that no shape has.
 
 /// A ball.
 template <class S>
@@ -33,9 +33,9 @@ struct Sphere {
   Sphere<T> cast() const {
     return {as<T>(radius)};
   }
-  void check(const std::string& what) const {
-    if (!(radius > S(0)) || !is_finite(radius))
-      detail::refuse(detail::text(what, ", sphere radius"), "a positive length", radius);
+  std::string describe() const { return detail::text("sphere of radius ", radius, " m"); }
+  void check() const {
+    if (!(radius > S(0)) || !is_finite(radius)) detail::refuse("sphere radius", "a positive length", radius);
   }
 };
 
@@ -63,10 +63,12 @@ struct Box {
   Box<T> cast() const {
     return {as<T>(half.x), as<T>(half.y), as<T>(half.z)};
   }
-  void check(const std::string& what) const {
+  std::string describe() const {
+    return detail::text("box of half extents (", half.x, ", ", half.y, ", ", half.z, ") m");
+  }
+  void check() const {
     for (const S& h : {half.x, half.y, half.z}) {
-      if (!(h > S(0)) || !is_finite(h))
-        detail::refuse(detail::text(what, ", box half extent"), "a positive length", h);
+      if (!(h > S(0)) || !is_finite(h)) detail::refuse("box half extent", "a positive length", h);
     }
   }
 };
@@ -99,11 +101,13 @@ struct Capsule {
   Capsule<T> cast() const {
     return {as<T>(radius), as<T>(half_length)};
   }
-  void check(const std::string& what) const {
-    if (!(radius > S(0)) || !is_finite(radius))
-      detail::refuse(detail::text(what, ", capsule radius"), "a positive length", radius);
+  std::string describe() const {
+    return detail::text("capsule of radius ", radius, " m and half length ", half_length, " m");
+  }
+  void check() const {
+    if (!(radius > S(0)) || !is_finite(radius)) detail::refuse("capsule radius", "a positive length", radius);
     if (!(half_length >= S(0)) || !is_finite(half_length)) {
-      detail::refuse(detail::text(what, ", capsule half length"), "a length of 0 or more", half_length);
+      detail::refuse("capsule half length", "a length of 0 or more", half_length);
     }
   }
 };

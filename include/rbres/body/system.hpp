@@ -84,13 +84,15 @@ class System {
   void check_planes() const {
     for (std::size_t i = 0; i < planes_.size(); ++i) {
       const auto& p = planes_[i];
-      const auto what = detail::text("plane ", i);
-      if (!(std::abs(norm(p.normal) - S(1)) < as<S>(1e-5))) {
-        detail::refuse(detail::text(what, ", normal"), "a unit vector",
-                       detail::text("one of length ", norm(p.normal)));
-      }
-      if (!is_finite(p.offset)) detail::refuse(detail::text(what, ", offset"), "a finite number", p.offset);
-      detail::check_material(p.material, what);
+      detail::naming([&] { return detail::text("plane ", i); },
+                     [&] {
+                       if (!(std::abs(norm(p.normal) - S(1)) < as<S>(1e-5))) {
+                         detail::refuse("normal", "a unit vector",
+                                        detail::text("one of length ", norm(p.normal)));
+                       }
+                       if (!is_finite(p.offset)) detail::refuse("offset", "a finite number", p.offset);
+                       detail::check_material(p.material);
+                     });
     }
   }
 

@@ -30,5 +30,15 @@ template <class Found>
   throw Error(text(what, ": expected ", expected, ", found ", found));
 }
 
+/// Calls f(); what it refuses begins with who(), which says whose fault it is.
+template <class Who, class F>
+decltype(auto) naming(const Who& who, const F& f) {
+  try {
+    return f();
+  } catch (const Error& fault) {
+    throw Error(text(who(), ", ", fault.what()));
+  }
+}
+
 }  // namespace detail
 }  // namespace rbres

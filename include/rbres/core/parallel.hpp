@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <atomic>
 #include <cstddef>
 
 #ifdef _OPENMP
@@ -8,11 +10,11 @@
 
 namespace rbres {
 
-/// Threads that parallel work uses unless told otherwise: OpenMP's choice where the user's flags turn it on,
-/// else 1.
+/// Threads that parallel work uses unless told otherwise: where the user's flags turn OpenMP on its choice,
+/// but no more than there are processors; else 1.
 inline int default_threads() noexcept {
 #ifdef _OPENMP
-  return omp_get_max_threads();
+  return std::min(omp_get_max_threads(), omp_get_num_procs());
 #else
   return 1;
 #endif
@@ -29,6 +31,78 @@ void parallel_for(std::ptrdiff_t count, int threads, const Task& task) {
   static_cast<void>(threads);
 #endif
   for (std::ptrdiff_t i = 0; i < count; ++i) task(i);
+}
+
+/// One of several threads that do many short pieces of work together, as parallel_team() gives it; by default
+/// a thread alone.
+class Team {
+ public:
+  /// What the threads share.
+  struct Shared {
+    std::atomic<std::ptrdiff_t> next{0};     ///< task
+    std::atomic<int> arrived{0}, passed{0};  ///< threads that wait, and how often all have
+  };
+
+  Team() noexcept = default;
+  Team(int index, int size, Shared& shared) noexcept : index_(index), size_(size), shared_(&shared) {}
+
+  int index() const noexcept { return index_; }
+  int size() const noexcept { return size_; }
+
+  /// Calls task(i) for i in [0, count), each by the thread that is free, and returns when all are done. Every
+  /// thread must call it. Tasks as those of parallel_for().
+  template <class Task>
+  void share(std::ptrdiff_t count, const Task& task) const {
+    if (size_ == 1) {
+      for (std::ptrdiff_t i = 0; i < count; ++i) task(i);
+      return;
+    }
+    for (std::ptrdiff_t i = 0; (i = shared_->next.fetch_add(1, std::memory_order_relaxed)) < count;) task(i);
+    wait();
+  }
+
+ private:
+  /// Until all threads are here. Spins for some microseconds, which short pieces of work need, and then
+  /// sleeps: where other work holds a processor, the thread that it keeps waiting must not be kept from it by
+  /// those that wait for it.
+  void wait() const noexcept {
+    const int before = shared_->passed.load(std::memory_order_relaxed);
+    if (shared_->arrived.fetch_add(1, std::memory_order_acq_rel) + 1 == size_) {
+      shared_->next.store(0, std::memory_order_relaxed);
+      shared_->arrived.store(0, std::memory_order_relaxed);
+      shared_->passed.store(before + 1, std::memory_order_release);
+      shared_->passed.notify_all();
+      return;
+    }
+    for (int spin = 0; spin < 2000; ++spin) {
+      if (shared_->passed.load(std::memory_order_acquire) != before) return;
+#if defined(__x86_64__)
+      __builtin_ia32_pause();
+#endif
+    }
+    shared_->passed.wait(before, std::memory_order_acquire);
+  }
+
+  int index_ = 0, size_ = 1;
+  Shared* shared_ = nullptr;
+};
+
+/// Calls body(team) on each of `threads` threads (0: default_threads()), or of fewer where OpenMP gives
+/// fewer. It must not throw.
+template <class Body>
+void parallel_team(int threads, const Body& body) {
+#ifdef _OPENMP
+  const int size = threads > 0 ? threads : default_threads();
+  if (size > 1) {
+    Team::Shared shared;
+#pragma omp parallel num_threads(size)
+    body(Team(omp_get_thread_num(), omp_get_num_threads(), shared));
+    return;
+  }
+#else
+  static_cast<void>(threads);
+#endif
+  body(Team());
 }
 
 }  // namespace rbres

@@ -1,7 +1,7 @@
 #pragma once
 
-#include <chrono>
-#include <rbres/eval/metrics.hpp>
+#include <rbres/eval/timing.hpp>
+#include <rbres/eval/training_set.hpp>
 
 namespace rbres {
 
@@ -89,24 +89,19 @@ Eigen::MatrixXd predict_all(const ScenarioData& data, Eigen::Index first, Eigen:
   return out;
 }
 
-/// Microseconds per scenario on one thread: the median over some rounds of `count` predictions each.
+/// Predicts for the first `count` scenarios one by one, on one thread. `data` must outlive the call.
 template <class Predict>
-double microseconds(const ScenarioData& data, Eigen::Index first, Eigen::Index count,
-                    const Predict& predict) {
-  std::vector<double> rounds;
-  double sink = 0;
-  for (int round = 0; round < 5; ++round) {
-    const auto start = std::chrono::steady_clock::now();
-    for (Eigen::Index c = first; c < first + count; ++c) {
-      const int present = data.body_count[static_cast<std::size_t>(c)];
-      sink += predict(state_of(data.initial, c, present), wrench_of(data, c), present)[0].position.x;
-    }
-    const std::chrono::duration<double, std::micro> spent = std::chrono::steady_clock::now() - start;
-    rounds.push_back(spent.count() / static_cast<double>(count));
-  }
-  volatile double keep = sink;  // or the work might be left out
-  static_cast<void>(keep);
-  return detail::quantile(rounds, 0.5);
+TimedCall one_by_one(const ScenarioData& data, Eigen::Index count, const Predict& predict) {
+  return {[&data, count, predict] {
+            double sum = 0;
+            for (Eigen::Index c = 0; c < count; ++c) {
+              const int present = data.body_count[static_cast<std::size_t>(c)];
+              sum += predict(state_of(data.initial, c, present), wrench_of(data, c), present)[0].position.x;
+            }
+            volatile double keep = sum;  // or the work might be left out
+            static_cast<void>(keep);
+          },
+          static_cast<double>(count)};
 }
 
 }  // namespace rbres

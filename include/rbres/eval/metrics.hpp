@@ -1,7 +1,12 @@
 #pragma once
 
 #include <algorithm>
-#include <rbres/eval/training_set.hpp>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <numbers>
+#include <rbres/body/state.hpp>
+#include <vector>
 
 namespace rbres {
 
@@ -50,56 +55,68 @@ double mechanical_energy(const Vec3<S>& moments, const S& mass, const RigidState
          0.5 * dot(y.angular_velocity, scale(moments, y.angular_velocity)) + 9.81 * mass * y.position.z;
 }
 
-}  // namespace detail
-
-/// A prediction's quaternion put on the truth's side.
-template <class Derived>
-Eigen::Vector4d near_side(const Eigen::MatrixBase<Derived>& q, const Eigen::Vector4d& truth) {
-  return q.dot(truth) < 0 ? Eigen::Vector4d(-q) : Eigen::Vector4d(q);
+/// The angle of the rotation between two orientations (x, y, z, w; of any length), exact for small ones too:
+/// four times Kahan's half angle between the quaternions.
+inline double degrees_between(const double* p, const double* q) {
+  double pp = 0, qq = 0, pq = 0;
+  for (int i = 0; i < 4; ++i) pp += p[i] * p[i], qq += q[i] * q[i], pq += p[i] * q[i];
+  const double sp = 1 / std::sqrt(pp), sq = (pq < 0 ? -1 : 1) / std::sqrt(qq);
+  double difference = 0, sum = 0;
+  for (int i = 0; i < 4; ++i) {
+    difference += (sp * p[i] - sq * q[i]) * (sp * p[i] - sq * q[i]);
+    sum += (sp * p[i] + sq * q[i]) * (sp * p[i] + sq * q[i]);
+  }
+  return 4 * std::atan2(std::sqrt(difference), std::sqrt(sum)) * 180 / std::numbers::pi;
 }
 
-/// Compares predictions (65 x n, column c for scenario first + c) with truth at horizon h.
-template <class Data>
-Metrics measure(const Data& data, std::size_t h, Eigen::Index first, const Eigen::MatrixXd& predicted,
+}  // namespace detail
+
+/// Compares predictions (65 x n, column c for scenario first + c) with truth at horizon h of `data` (a
+/// ScenarioData; a template, so that only those who call it compile it). `moments` are the bodies' principal
+/// moments of inertia (kg m^2), `mass` is theirs (kg).
+template <class Data, class Predicted>
+Metrics measure(const Data& data, std::size_t h, std::ptrdiff_t first, const Predicted& predicted,
                 const Vec3<double>& moments, double mass) {
+  struct Part {
+    int start, size;
+    double Metrics::*mean_square;
+  };
+  constexpr Part parts[] = {{0, 3, &Metrics::position},
+                            {3, 4, &Metrics::orientation},
+                            {7, 3, &Metrics::velocity},
+                            {10, 3, &Metrics::angular_velocity}};
   Metrics m;
   std::vector<double> relative[4];
   double energy_error = 0, energy = 0, sx = 0, sy = 0, sxx = 0, syy = 0, sxy = 0;
   long pairs = 0, within = 0, elements[4] = {};
-  for (Eigen::Index c = 0; c < predicted.cols(); ++c) {
+  for (std::ptrdiff_t c = 0; c < predicted.cols(); ++c) {
     const auto scenario = static_cast<std::size_t>(first + c);
     const bool collided = static_cast<double>(data.first_contact[scenario]) <= data.horizons[h] + 1e-6;
     for (int b = 0; b < data.body_count[scenario]; ++b) {
-      Eigen::Matrix<double, 13, 1> truth =
-          data.states[h].col(first + c).template segment<13>(13 * b).template cast<double>();
-      Eigen::Matrix<double, 13, 1> guess = predicted.col(c).segment<13>(13 * b);
-      guess.segment<4>(3) = near_side(guess.segment<4>(3), truth.segment<4>(3));
-      const Eigen::Matrix<double, 13, 1> error = guess - truth;
-      const auto compare = [&]<int Start, int Size>(std::integral_constant<int, Start>,
-                                                    std::integral_constant<int, Size>, std::size_t k,
-                                                    double& mean_square) {
-        const Eigen::Matrix<double, Size, 1> e = error.template segment<Size>(Start);
-        const Eigen::Matrix<double, Size, 1> t = truth.template segment<Size>(Start);
-        mean_square += e.squaredNorm() / Size;
-        relative[k].push_back(e.norm() / std::max(t.norm(), 1e-12));
-        for (int i = 0; i < Size; ++i) {
-          if (t[i] == 0) continue;
-          m.elementwise[k] += std::abs(e[i] / t[i]);
+      RigidState<double> true_state, guessed_state;
+      double *truth = &true_state.position.x, *guess = &guessed_state.position.x;
+      std::copy_n(data.states[h].data() + (first + c) * data.states[h].rows() + 13 * b, 13, truth);
+      std::copy_n(predicted.data() + c * predicted.rows() + 13 * b, 13, guess);
+      m.angle += detail::degrees_between(guess + 3, truth + 3);
+      double side = 0;
+      for (int i = 3; i < 7; ++i) side += guess[i] * truth[i];
+      for (int i = 3; i < 7 && side < 0; ++i) guess[i] = -guess[i];
+
+      for (std::size_t k = 0; k < 4; ++k) {
+        double error2 = 0, truth2 = 0;
+        for (int i = parts[k].start; i < parts[k].start + parts[k].size; ++i) {
+          const double error = guess[i] - truth[i];
+          error2 += error * error;
+          truth2 += truth[i] * truth[i];
+          if (truth[i] == 0) continue;
+          m.elementwise[k] += std::abs(error / truth[i]);
           ++elements[k];
         }
-      };
-      compare(std::integral_constant<int, 0>{}, std::integral_constant<int, 3>{}, 0, m.position);
-      compare(std::integral_constant<int, 3>{}, std::integral_constant<int, 4>{}, 1, m.orientation);
-      compare(std::integral_constant<int, 7>{}, std::integral_constant<int, 3>{}, 2, m.velocity);
-      compare(std::integral_constant<int, 10>{}, std::integral_constant<int, 3>{}, 3, m.angular_velocity);
-      const double cosine =
-          std::min(1.0, guess.segment<4>(3).normalized().dot(truth.segment<4>(3).normalized()));
-      m.angle += 2 * std::acos(cosine) * 180 / std::numbers::pi;
-      RigidState<double> guess_state, true_state;
-      guess_state.vector() = guess;
-      true_state.vector() = truth;
+        m.*parts[k].mean_square += error2 / parts[k].size;
+        relative[k].push_back(std::sqrt(error2) / std::max(std::sqrt(truth2), 1e-12));
+      }
       const double e_true = detail::mechanical_energy(moments, mass, true_state);
-      energy_error += std::abs(detail::mechanical_energy(moments, mass, guess_state) - e_true);
+      energy_error += std::abs(detail::mechanical_energy(moments, mass, guessed_state) - e_true);
       energy += std::abs(e_true);
       ++m.bodies;
       if (!collided) continue;
@@ -130,21 +147,21 @@ Metrics measure(const Data& data, std::size_t h, Eigen::Index first, const Eigen
   return m;
 }
 
-/// Quartiles over the scenarios of one family (or those with several contacts: `chosen` decides by scenario
-/// number).
-template <class Chosen>
-Quartiles position_quartiles(const ScenarioData& data, std::size_t h, Eigen::Index first,
-                             const Eigen::MatrixXd& predicted, const Chosen& chosen) {
+/// Quartiles over the scenarios that `chosen` (a scenario's number) takes: those of one family, or with
+/// several collisions.
+template <class Data, class Predicted, class Chosen>
+Quartiles position_quartiles(const Data& data, std::size_t h, std::ptrdiff_t first,
+                             const Predicted& predicted, const Chosen& chosen) {
   std::vector<double> errors;
-  for (Eigen::Index c = 0; c < predicted.cols(); ++c) {
+  for (std::ptrdiff_t c = 0; c < predicted.cols(); ++c) {
     const auto scenario = static_cast<std::size_t>(first + c);
     if (!chosen(scenario)) continue;
     double sum = 0;
     for (int b = 0; b < data.body_count[scenario]; ++b) {
-      sum += (predicted.col(c).segment<3>(13 * b) -
-              data.states[h].col(first + c).segment<3>(13 * b).cast<double>())
-                 .squaredNorm() /
-             3;
+      for (int i = 13 * b; i < 13 * b + 3; ++i) {
+        const double error = predicted(i, c) - static_cast<double>(data.states[h](i, first + c));
+        sum += error * error / 3;
+      }
     }
     errors.push_back(sum / data.body_count[scenario]);
   }

@@ -8,8 +8,8 @@
 #include <filesystem>
 #include <string>
 #include <utility>
+#include <vector>
 
-#include <rbres/core/aligned.hpp>
 #include <rbres/core/error.hpp>
 #include <rbres/io/parameters.hpp>
 #include <rbres/io/safetensors.hpp>
@@ -35,7 +35,15 @@ Metadata checkpoint_metadata(const Trainer<Net, Optimizer>& trainer, const Metad
   return all;
 }
 
-inline std::string moment_prefix(int i) { return text("moments.", i, "."); }
+/// The blocks of a state, which is const or not, and what precedes the names of their tensors.
+template <class Net, class State>
+auto state_blocks(State& state) {
+  std::vector<std::pair<std::string, decltype(state.network.parameters().data())>> blocks{
+      {"network.", state.network.parameters().data()}, {"best.", state.best.parameters().data()}};
+  for (std::size_t at = 0; at < state.moments.size(); at += Net::block_size)
+    blocks.emplace_back(text("moments.", at / Net::block_size, "."), state.moments.data() + at);
+  return blocks;
+}
 
 }  // namespace detail
 
@@ -54,11 +62,8 @@ void save_checkpoint(const std::filesystem::path& path, const Trainer<Net, Optim
   if (progress.status == TrainingStatus::diverged) return;
   SafetensorsWriter file;
   file.metadata = detail::checkpoint_metadata(trainer, metadata);
-  detail::add_parameters<Net>(file, "network.", state.network.parameters().data());
-  detail::add_parameters<Net>(file, "best.", state.best.parameters().data());
-  for (int i = 0; i < Optimizer::moment_count; ++i)
-    detail::add_parameters<Net>(file, detail::moment_prefix(i),
-                                state.moments.data() + static_cast<std::size_t>(i) * Net::block_size);
+  for (const auto& [prefix, block] : detail::state_blocks<Net>(state))
+    detail::add_parameters<Net>(file, prefix, block);
   // The best loss is infinite before the first epoch, so its bits are stored.
   const std::array<std::uint64_t, 5> numbers{progress.epoch, progress.step, progress.best_epoch,
                                              std::bit_cast<std::uint64_t>(progress.best_loss),
@@ -78,22 +83,22 @@ void load_checkpoint(const std::filesystem::path& path, Trainer<Net, Optimizer>&
   detail::require_metadata(file, detail::checkpoint_metadata(trainer, metadata));
   std::array<std::uint64_t, 5> numbers{};
   file.read("progress", {static_cast<Eigen::Index>(numbers.size())}, numbers.data());
-  const TrainingProgress progress{numbers[0], numbers[1], numbers[2], std::bit_cast<double>(numbers[3]),
-                                  static_cast<TrainingStatus>(numbers[4])};
+  TrainingProgress progress{numbers[0], numbers[1], numbers[2], std::bit_cast<double>(numbers[3]),
+                            static_cast<TrainingStatus>(numbers[4])};
   const bool is_known = numbers[4] < static_cast<std::uint64_t>(TrainingStatus::diverged);
   if (!is_known || progress.best_epoch > progress.epoch || std::isnan(progress.best_loss) ||
       progress.epoch > static_cast<std::uint64_t>(trainer.options().epochs))
     detail::refuse(path.string(), "the progress of a run", "numbers that make no sense");
+  if (progress.status == TrainingStatus::stopped) progress.status = TrainingStatus::running;
 
-  TrainingState<Net> state{Net(), Net(), AlignedBuffer<typename Net::Scalar>(trainer.state().moments.size()),
-                           progress};
-  if (state.progress.status == TrainingStatus::stopped) state.progress.status = TrainingStatus::running;
-  detail::read_parameters<Net>(file, "network.", state.network.parameters().data());
-  detail::read_parameters<Net>(file, "best.", state.best.parameters().data());
-  for (int i = 0; i < Optimizer::moment_count; ++i)
-    detail::read_parameters<Net>(file, detail::moment_prefix(i),
-                                 state.moments.data() + static_cast<std::size_t>(i) * Net::block_size);
-  trainer.restore(std::move(state));
+  // All tensors are read and checked before the first is taken, as there is no room for two states.
+  for (const auto& entry : detail::state_blocks<Net>(trainer.state()))
+    detail::each_parameter<Net>(file, entry.first, [](auto...) {});
+  trainer.restore([&](TrainingState<Net>& state) {
+    for (const auto& [prefix, block] : detail::state_blocks<Net>(state))
+      detail::read_parameters<Net>(file, prefix, block);
+    state.progress = progress;
+  });
 }
 
 }  // namespace rbres

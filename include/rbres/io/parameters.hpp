@@ -35,9 +35,10 @@ void add_parameters(SafetensorsWriter& file, const std::string& prefix, const ty
     });
 }
 
-/// Reads what add_parameters() wrote. Error when a tensor is missing or of another type or shape.
-template <class Net>
-void read_parameters(const SafetensorsReader& file, const std::string& prefix, typename Net::Scalar* block) {
+/// Calls take(place in the block, number) for all that add_parameters() wrote, tensor by tensor. Error when a
+/// tensor is missing or of another type or shape.
+template <class Net, class Take>
+void each_parameter(const SafetensorsReader& file, const std::string& prefix, const Take& take) {
   using Scalar = typename Net::Scalar;
   for (const ParameterTensor& tensor : Net::tensors()) {
     std::vector<Scalar> numbers(static_cast<std::size_t>(tensor.rows) *
@@ -45,8 +46,14 @@ void read_parameters(const SafetensorsReader& file, const std::string& prefix, t
     file.read(prefix + tensor.name, torch_shape(tensor), numbers.data());
     const Scalar* from = numbers.data();
     for (int row = 0; row < tensor.rows; ++row)
-      for (int column = 0; column < tensor.columns; ++column) block[tensor.index(row, column)] = *from++;
+      for (int column = 0; column < tensor.columns; ++column) take(tensor.index(row, column), *from++);
   }
+}
+
+/// Reads what add_parameters() wrote to a block of the network's layout.
+template <class Net>
+void read_parameters(const SafetensorsReader& file, const std::string& prefix, typename Net::Scalar* block) {
+  each_parameter<Net>(file, prefix, [block](std::size_t place, auto number) { block[place] = number; });
 }
 
 /// The metadata of every file with a network.

@@ -29,17 +29,17 @@ class Backpropagation {
         losses_(static_cast<std::size_t>(batch)) {}
 
   /// The mean loss over the samples order[0], order[1], ..., at most as many as a batch has, and all that
-  /// gradients are made from. The threads (0: default_threads()) share the samples.
+  /// gradients are made from. The threads of a team share the samples; all of them call it and get the loss.
   double run(const Net& network, const Samples<T>& samples, const Loss<T>& loss,
-             std::span<const std::uint32_t> order, const DropoutMask& mask, int threads,
+             std::span<const std::uint32_t> order, const DropoutMask& mask, const Team& team,
              bool to_input = false) {
-    count_ = static_cast<Eigen::Index>(order.size());
+    const auto size = static_cast<Eigen::Index>(order.size());
+    if (team.index() == 0) count_ = size;
     const T* parameters = network.parameters().data();
     const Tape tape{values_.data(), gradients_.data(), capacity_};
-    const int team = threads > 0 ? threads : default_threads();
-    const Eigen::Index share = (count_ + team - 1) / team;
-    parallel_for((count_ + share - 1) / share, team, [&](std::ptrdiff_t task) {
-      const Eigen::Index first = task * share, last = std::min(count_, first + share);
+    const Eigen::Index part = (size + team.size() - 1) / team.size();
+    team.share((size + part - 1) / part, [&](std::ptrdiff_t task) {
+      const Eigen::Index first = task * part, last = std::min(size, first + part);
       const int count = static_cast<int>(last - first);
       for (Eigen::Index c = first; c < last; ++c)
         Passes::template put<Net::input_size>(
@@ -48,28 +48,31 @@ class Backpropagation {
       Passes::record(parameters, tape, first, count, mask);
       for (Eigen::Index c = first; c < last; ++c)
         losses_[static_cast<std::size_t>(c)] =
-            start(tape, c, samples, loss, order[static_cast<std::size_t>(c)]);
+            start(tape, c, size, samples, loss, order[static_cast<std::size_t>(c)]);
       Passes::backward(parameters, tape, first, count, to_input);
     });
     double sum = 0;
-    for (Eigen::Index c = 0; c < count_; ++c) sum += losses_[static_cast<std::size_t>(c)];
-    return sum / static_cast<double>(count_);
+    for (Eigen::Index c = 0; c < size; ++c) sum += losses_[static_cast<std::size_t>(c)];
+    return sum / static_cast<double>(size);
   }
 
   /// sink(place, g, is_weight) for every register g of the last run's gradient by the parameters, at `place`
-  /// of the block, each once. The threads share the parameters, so that a sink may update what it gets on the
-  /// spot.
+  /// of the block, each once. The threads of a team, which all call it, share the parameters, so that a sink
+  /// may update what it gets on the spot.
   template <class Sink>
-  void parameter_gradient(int threads, const Sink& sink) const {
+  void parameter_gradient(const Team& team, const Sink& sink) const {
     const Tape tape{const_cast<T*>(values_.data()), const_cast<T*>(gradients_.data()), capacity_};
-    parallel_for(task_count, threads, [&](std::ptrdiff_t task) {
+    team.share(task_count, [&](std::ptrdiff_t task) {
       detail::unrolled<Compiled::stage_count>([&](auto s) {
         constexpr detail::Stage stage = Compiled::stage(s);
         if constexpr (stage.has_linear)
-          if (task >= 0 && task < groups(s))
-            detail::linear_gradient<stage.inputs, stage.outputs, T>(
-                static_cast<int>(task), static_cast<int>(count_), {tape.value(s).data, tape.samples},
-                {tape.gradient(s + 1).data, tape.samples}, Passes::offset(s), sink);
+          if (task >= 0 && task < groups(s)) {
+            alignas(64) T waiting[detail::group_size<T>(stage.inputs)];
+            detail::linear_gradient<T>(stage.inputs, stage.outputs, static_cast<int>(task),
+                                       static_cast<int>(count_), {tape.value(s).data, tape.samples},
+                                       {tape.gradient(s + 1).data, tape.samples}, Passes::offset(s), waiting,
+                                       sink);
+          }
         task -= groups(s);
       });
     });
@@ -87,9 +90,9 @@ class Backpropagation {
  private:
   /// A Linear's gradient is made in tasks of one group of outputs.
   static constexpr int groups(int s) {
-    const int outputs = detail::padded<T>(Compiled::stage(s).outputs),
-              most = detail::tile_vectors * detail::simd_width<T>;
-    return Compiled::stage(s).has_linear ? (outputs + most - 1) / most : 0;
+    return Compiled::stage(s).has_linear
+               ? detail::Groups<T>(detail::padded<T>(Compiled::stage(s).outputs)).count
+               : 0;
   }
   static constexpr int task_count = [] {
     int sum = 0;
@@ -97,13 +100,13 @@ class Backpropagation {
     return sum;
   }();
 
-  /// The loss of sample c of the batch, and its gradient by the last stage's z.
-  double start(const Tape& tape, Eigen::Index c, const Samples<T>& samples, const Loss<T>& loss,
-               Eigen::Index sample) const {
+  /// The loss of sample c of a batch of `size`, and the batch's gradient by the last stage's z.
+  double start(const Tape& tape, Eigen::Index c, Eigen::Index size, const Samples<T>& samples,
+               const Loss<T>& loss, Eigen::Index sample) const {
     typename Net::Output output, gradient;
     Passes::template take<Net::output_size>(tape.value(Compiled::stage_count), c, output.data());
     const double value = loss.evaluate(samples, sample, output.data(), gradient.data());
-    gradient /= static_cast<T>(count_);
+    gradient /= static_cast<T>(size);
     if constexpr (Passes::output_has_slope) {
       Passes::template take<Net::output_size>(tape.gradient(Compiled::stage_count), c, output.data());
       gradient.array() *= output.array();

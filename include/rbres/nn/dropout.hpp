@@ -32,7 +32,7 @@ inline void philox_blocks(std::uint32_t first, std::uint32_t second, std::uint32
     Register c[4] = {load(counters), Register{} + second, Register{} + third, Register{} + fourth};
     std::uint64_t key[2] = {seed & 0xffffffffu, seed >> 32};
     for (int round = 0; round < 10; ++round) {
-      const Register x = c[0] * 0xD2511F53u, y = c[2] * 0xCD9E8D57u;
+      const Register x = multiply_low(c[0], 0xD2511F53u), y = multiply_low(c[2], 0xCD9E8D57u);
       c[0] = y >> 32 ^ c[1] ^ key[0];
       c[2] = x >> 32 ^ c[3] ^ key[1];
       c[1] = y & 0xffffffffu;

@@ -119,28 +119,33 @@ template <int Vectors, class T, int Row, int Step, class Finish>
   }
 }
 
-/// How `Lanes` lanes fall into groups of at most tile_vectors registers, as even as possible, the larger
-/// first.
-template <class T, int Lanes>
+/// How lanes fall into groups of at most tile_vectors registers, as even as possible, the larger first.
+template <class T>
 struct Groups {
-  static constexpr int registers = Lanes / simd_width<T>;
-  static constexpr int count = (registers + tile_vectors - 1) / tile_vectors;
-  static constexpr int vectors = registers / count, larger = registers % count;
-  static constexpr int first_lane(int group) {
+  int count, vectors, larger;
+
+  constexpr explicit Groups(int total) {
+    const int registers = total / simd_width<T>;
+    count = (registers + tile_vectors - 1) / tile_vectors;
+    vectors = registers / count;
+    larger = registers % count;
+  }
+  constexpr int first_lane(int group) const {
     return (group * vectors + std::min(group, larger)) * simd_width<T>;
   }
 
   /// finish(r, lane, (a b)(r, lane...)) for all rows and the lanes of one group, from which on b stands.
   template <int Row, int Step, class Finish>
-  [[gnu::always_inline]] static void multiply(int group, int rows, std::ptrdiff_t depth, Left<T, Row, Step> a,
-                                              Panels<const T> b, const Finish& finish) {
-    const int first = first_lane(group);
+  [[gnu::always_inline]] void multiply(int group, int rows, std::ptrdiff_t depth, Left<T, Row, Step> a,
+                                       Panels<const T> b, const Finish& finish) const {
+    const int first = first_lane(group), now = vectors + (group < larger ? 1 : 0);
     const auto shifted = [&finish, first ](int r, int lane, const Simd<T>& z) __attribute__((always_inline)) {
       finish(r, first + lane, z);
     };
-    if constexpr (larger > 0)
-      if (group < larger) return tiles<vectors + 1>(rows, depth, a, b, shifted);
-    tiles<vectors>(rows, depth, a, b, shifted);
+    [&]<int... V>(std::integer_sequence<int, V...>) __attribute__((always_inline)) {
+      ((now == V + 1 ? tiles<V + 1>(rows, depth, a, b, shifted) : void()), ...);
+    }
+    (std::make_integer_sequence<int, tile_vectors>{});
   }
 };
 

@@ -22,29 +22,30 @@ template <class Chain, bool Recorded, class T>
   }
 }
 
-/// out = chain(W in + b) + skip; the biases stand behind the weights.
-template <int In, int Out, class Chain, bool HasSkip, bool Recorded, class T>
-void linear(int count, const T* weights, Panels<T> in, Panels<T> skip, Panels<T> out,
-            Panels<T> slope) noexcept {
-  using Lanes = Groups<T, padded<T>(Out)>;
-  const T* bias = weights + std::size_t{padded<T>(Out)} * In;
+/// out = chain(W in + b) + skip; the biases stand behind the weights. Sizes are no template parameters, so
+/// that layers of any size share the code.
+template <class Chain, bool HasSkip, bool Recorded, class T>
+[[gnu::noinline]] void linear(int inputs, int outputs, int count, const T* weights, Panels<T> in,
+                              Panels<T> skip, Panels<T> out, Panels<T> slope) noexcept {
+  const T* bias = weights + std::ptrdiff_t{padded<T>(outputs)} * inputs;
   const auto finish = [=](int c, int lane, Simd<T> z) __attribute__((always_inline)) {
     z = apply<Chain, Recorded>(z + load(bias + lane), slope.at(lane, c));
     if constexpr (HasSkip) z += load(skip.at(lane, c));
     store(out.at(lane, c), z);
   };
   // In training the order of sums must not depend on how a batch is split.
-  if (!Recorded && in.columns == 1) return multiply_row<T>(Out, In, weights, in.data, finish);
-  for (int g = 0; g < Lanes::count; ++g)
-    Lanes::multiply(g, count, In, columns_as_rows<T>({in.data, in.columns}),
-                    Panels<const T>{weights, In}.from(Lanes::first_lane(g), 0), finish);
+  if (!Recorded && in.columns == 1) return multiply_row<T>(outputs, inputs, weights, in.data, finish);
+  const Groups<T> groups(padded<T>(outputs));
+  for (int g = 0; g < groups.count; ++g)
+    groups.multiply(g, count, inputs, columns_as_rows<T>({in.data, in.columns}),
+                    Panels<const T>{weights, inputs}.from(groups.first_lane(g), 0), finish);
 }
 
 /// out = chain(in) + skip, which may be done in place.
-template <int Size, class Chain, bool HasSkip, bool Recorded, class T>
-void elementwise(int count, Panels<T> in, Panels<T> skip, Panels<T> out, Panels<T> slope) noexcept {
+template <class Chain, bool HasSkip, bool Recorded, class T>
+void elementwise(int size, int count, Panels<T> in, Panels<T> skip, Panels<T> out, Panels<T> slope) noexcept {
   for (int c = 0; c < count; ++c)
-    for (int lane = 0; lane < padded<T>(Size); lane += simd_width<T>) {
+    for (int lane = 0; lane < padded<T>(size); lane += simd_width<T>) {
       Simd<T> z = apply<Chain, Recorded>(load(in.at(lane, c)), slope.at(lane, c));
       if constexpr (HasSkip) z += load(skip.at(lane, c));
       store(out.at(lane, c), z);
@@ -64,54 +65,79 @@ struct Gradient {
   }
 };
 
-/// finish(c, lane, (Wᵀ in)(lane..., c)): each group of lanes is transposed into the cache and used for all
-/// samples.
-template <int In, int Out, class T, class Finish>
-void linear_transposed(int count, const T* weights, Panels<T> in, const Finish finish) noexcept {
-  using Lanes = Groups<T, padded<T>(In)>;
-  constexpr int panels = (tile_vectors * simd_width<T> + lanes<T> - 1) / lanes<T>;
-  for (int g = 0; g < Lanes::count; ++g) {
-    const int first = Lanes::first_lane(g);
-    alignas(64) T transposed[panels * lanes<T> * std::size_t{padded<T>(Out)}];
-    transpose<T>(Out, In, {weights, In}, first, Lanes::first_lane(g + 1) - first,
-                 {transposed, padded<T>(Out)});
-    Lanes::multiply(g, count, Out, columns_as_rows<T>({in.data, in.columns}), {transposed, padded<T>(Out)},
-                    finish);
+/// Numbers that a group of lanes of a matrix of `depth` columns has, in whole panels.
+template <class T>
+constexpr std::size_t group_size(int depth) {
+  return static_cast<std::size_t>((tile_vectors * simd_width<T> + lanes<T> - 1) / lanes<T> * lanes<T> *
+                                  depth);
+}
+
+/// finish(c, lane, (Wᵀ in)(lane..., c)): each group of lanes is transposed into the cache, which has
+/// group_size(padded(outputs)) numbers, and used for all samples.
+template <class T, class Finish>
+[[gnu::noinline]] void linear_transposed(int inputs, int outputs, int count, const T* weights, Panels<T> in,
+                                         T* cache, const Finish finish) noexcept {
+  const Groups<T> groups(padded<T>(inputs));
+  for (int g = 0; g < groups.count; ++g) {
+    const int first = groups.first_lane(g);
+    transpose<T>(outputs, inputs, {weights, inputs}, first, groups.first_lane(g + 1) - first,
+                 {cache, padded<T>(outputs)});
+    groups.multiply(g, count, outputs, columns_as_rows<T>({in.data, in.columns}),
+                    Panels<const T>{cache, padded<T>(outputs)}, finish);
   }
 }
 
-/// The gradients of one group of outputs, summed over all samples in registers: sink(place, g, true) for
-/// registers of weights, sink(place, g, false) for biases, counted from the first weight at `offset`.
-template <int In, int Out, class T, class Sink>
-void linear_gradient(int group, int count, Panels<const T> in, Panels<const T> gradient, std::size_t offset,
-                     const Sink& sink) {
-  using Lanes = Groups<T, padded<T>(Out)>;
-  const auto place = [offset](int row, int column) __attribute__((always_inline)) {
-    const auto r = static_cast<std::size_t>(row), c = static_cast<std::size_t>(column);
-    return offset + (r / lanes<T> * In + c) * lanes<T> + r % lanes<T>;
-  };
-  const int first = Lanes::first_lane(group), last = Lanes::first_lane(group + 1);
-  constexpr int block =
-      128;  // samples whose gradients stay in the nearest cache; between blocks the sums wait
-  constexpr int most = tile_vectors * simd_width<T>;
-  alignas(64) T sums[std::size_t{In} * most];
+/// sums(i, lane) = or += the sum over samples of in(i, sample) * gradient(lane, sample), for the rows of one
+/// panel and the lanes of one group.
+template <class T>
+[[gnu::noinline]] void add_products(const Groups<T>& groups, int group, int rows, int samples,
+                                    Panels<const T> in, Panels<const T> gradient, bool add,
+                                    T* sums) noexcept {
+  const int first = groups.first_lane(group);
+  groups.multiply(
+      group, rows, samples, rows_as_rows<T>(in),
+      gradient, [=](int r, int lane, Simd<T> sum) __attribute__((always_inline)) {
+        T* to = sums + r * tile_vectors * simd_width<T> + (lane - first);
+        if (add) sum += load(to);
+        store(to, sum);
+      });
+}
+
+/// Inputs whose weight gradients are summed before they go to the sink: few, so that its memory traffic
+/// spreads.
+template <class T>
+inline constexpr int gradient_rows = lanes<T> / 2;
+
+/// The gradients of one group of outputs, summed over all samples: sink(place, g, true) for registers of
+/// weights, sink(place, g, false) for biases, counted from the first weight at `offset`. `sums` has
+/// group_size(inputs) numbers.
+template <class T, class Sink>
+[[gnu::noinline]] void linear_gradient(int inputs, int outputs, int group, int count, Panels<const T> in,
+                                       Panels<const T> gradient, std::size_t offset, T* sums,
+                                       const Sink& sink) {
+  constexpr int block = 128;  // samples whose gradients stay in the nearest cache
+  const Groups<T> groups(padded<T>(outputs));
+  const int first = groups.first_lane(group), last = groups.first_lane(group + 1);
   for (int sample = 0; sample < count; sample += block)
-    for (int i = 0; i < In; i += lanes<T>)
-      Lanes::multiply(
-          group, std::min(lanes<T>, In - i), std::min(block, count - sample),
-          rows_as_rows<T>(in.from(i, sample)),
-          gradient.from(first, sample), [&](int r, int lane, Simd<T> sum) __attribute__((always_inline)) {
-            T* waiting = sums + (i + r) * most + (lane - first);
-            if (sample > 0) sum += load(waiting);
-            if (sample + block < count)
-              store(waiting, sum);
-            else
-              sink(place(lane, i + r), sum, true);
-          });
+    for (int input = 0; input < inputs; input += gradient_rows<T>) {
+      T* now = sums + input * tile_vectors * simd_width<T>;
+      const int rows = std::min(gradient_rows<T>, inputs - input);
+      add_products<T>(groups, group, rows, std::min(block, count - sample), in.from(input, sample),
+                      gradient.from(first, sample), sample > 0, now);
+      if (sample + block < count) continue;
+      for (int lane = first; lane < last; lane += simd_width<T>) {
+        const std::size_t place =
+            offset +
+            static_cast<std::size_t>((lane / lanes<T> * inputs + input) * lanes<T> + lane % lanes<T>);
+        for (int r = 0; r < rows; ++r)
+          sink(place + static_cast<std::size_t>(r * lanes<T>),
+               load(now + r * tile_vectors * simd_width<T> + (lane - first)), true);
+      }
+    }
   for (int lane = first; lane < last; lane += simd_width<T>) {
     Simd<T> sum{};
     for (int c = 0; c < count; ++c) sum += load(gradient.at(lane, c));
-    sink(offset + static_cast<std::size_t>(padded<T>(Out) * In + lane), sum, false);
+    sink(offset + static_cast<std::size_t>(padded<T>(outputs) * inputs + lane), sum, false);
   }
 }
 

@@ -21,7 +21,7 @@
 ///                     {.epochs = 200, .batch_size = 64, .schedule = {.initial = 1e-3}});
 ///     trainer.train([&](const EpochReport& report) { ...; return true; });   // trainer.state() is all that
 ///     a checkpoint net = trainer.best();                                                  // needs;
-///     trainer.restore(state) goes on
+///     trainer.restore(...) goes on
 #include <rbres/nn/backpropagation.hpp>
 #include <rbres/nn/layers.hpp>
 #include <rbres/nn/loss.hpp>

@@ -148,7 +148,9 @@ struct Passes {
 
       const Matrix in = tape.gradient(v + 1).from(0, first);
       if constexpr (C::stage(v).has_linear) {
-        linear_transposed<C::stage(v).inputs, C::stage(v).outputs>(count, parameters + offset(v), in, finish);
+        constexpr Stage info = C::stage(v);
+        alignas(64) T cache[group_size<T>(padded<T>(info.outputs))];
+        linear_transposed<T>(info.inputs, info.outputs, count, parameters + offset(v), in, cache, finish);
       } else {
         for (int c = 0; c < count; ++c)
           for (int lane = 0; lane < padded<T>(C::size(v)); lane += simd_width<T>)
@@ -165,10 +167,10 @@ struct Passes {
     constexpr Stage info = C::stage(S);
     using Chain = typename C::template ChainOfStage<S>;
     if constexpr (info.has_linear) {
-      linear<info.inputs, info.outputs, Chain, info.skip != none, Recorded>(count, parameters + offset(S), in,
-                                                                            skip, out, slope);
+      linear<Chain, info.skip != none, Recorded>(info.inputs, info.outputs, count, parameters + offset(S), in,
+                                                 skip, out, slope);
     } else {
-      elementwise<info.outputs, Chain, info.skip != none, Recorded>(count, in, skip, out, slope);
+      elementwise<Chain, info.skip != none, Recorded>(info.outputs, count, in, skip, out, slope);
     }
   }
 };

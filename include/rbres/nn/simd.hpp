@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <cstring>
 #include <type_traits>
 
@@ -60,9 +61,9 @@ template <class T>
 }
 
 /// f of every lane. f must not be one that the compiler has a vector instruction for: it is called lane by
-/// lane.
+/// lane, and that takes longer than a call.
 template <class V, class F>
-[[gnu::always_inline]] inline V map_lanes(const V& x, F f) noexcept {
+[[gnu::noinline]] V map_lanes(const V& x, F f) noexcept {
   V y{};
   for (std::size_t i = 0; i < sizeof(V) / sizeof(x[0]); ++i) y[i] = f(x[i]);
   return y;
@@ -90,6 +91,22 @@ template <class V>
     return (V)_mm_sqrt_pd((__m128d)x);
 #else
   return map_lanes(x, [](auto lane) { return std::sqrt(lane); });
+#endif
+}
+
+/// x * factor for lanes below 2^32, which is one instruction where a product of whole 64-bit lanes is
+/// several.
+inline Simd<std::uint64_t> multiply_low(const Simd<std::uint64_t>& x, std::uint32_t factor) noexcept {
+  using Register = Simd<std::uint64_t>;
+  const Register y = Register{} + factor;
+#if defined(__AVX512F__)
+  return (Register)_mm512_maskz_mul_epu32(0xff, (__m512i)x, (__m512i)y);
+#elif defined(__AVX2__)
+  return (Register)_mm256_mul_epu32((__m256i)x, (__m256i)y);
+#elif defined(__SSE2__) && !defined(__AVX__)
+  return (Register)_mm_mul_epu32((__m128i)x, (__m128i)y);
+#else
+  return x * y;
 #endif
 }
 

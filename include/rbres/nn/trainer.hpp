@@ -4,7 +4,9 @@
 #include <rbres/nn/optimizer.hpp>
 #include <rbres/nn/schedule.hpp>
 
+#include <array>
 #include <chrono>
+#include <concepts>
 #include <cstdint>
 #include <functional>
 #include <limits>
@@ -67,30 +69,53 @@ struct EpochReport {
   TrainingStatus status = TrainingStatus::running;
 };
 
+/// The mean loss of networks without dropout, with buffers that are kept. No bit depends on the number of
+/// threads.
+template <class Net>
+class Evaluation {
+  using T = typename Net::Scalar;
+
+ public:
+  explicit Evaluation(int threads)
+      : buffers_(static_cast<std::size_t>(threads > 0 ? threads : default_threads())) {}
+
+  double mean_loss(const Net& network, const Samples<T>& samples, const Loss<T>& loss) {
+    double total = 0;
+    for (Eigen::Index start = 0; start < samples.count(); start += std::ssize(sums_) * chunk) {
+      const Eigen::Index chunks =
+          std::min<Eigen::Index>(std::ssize(sums_), (samples.count() - start + chunk - 1) / chunk);
+      parallel_team(static_cast<int>(std::min(chunks, std::ssize(buffers_))), [&](const Team& team) {
+        Buffers& own = buffers_[static_cast<std::size_t>(team.index())];
+        team.share(chunks, [&](std::ptrdiff_t task) {
+          const Eigen::Index first = start + task * chunk, count = std::min(chunk, samples.count() - first);
+          network.forward(samples.inputs.middleCols(first, count), own.outputs.leftCols(count),
+                          own.workspace);
+          typename Net::Output gradient;
+          double sum = 0;
+          for (Eigen::Index c = 0; c < count; ++c)
+            sum += loss.evaluate(samples, first + c, own.outputs.col(c).data(), gradient.data());
+          sums_[static_cast<std::size_t>(task)] = sum;
+        });
+      });
+      for (Eigen::Index i = 0; i < chunks; ++i) total += sums_[static_cast<std::size_t>(i)];
+    }
+    return total / static_cast<double>(samples.count());
+  }
+
+ private:
+  static constexpr Eigen::Index chunk = 96;
+  struct Buffers {
+    typename Net::Workspace workspace;
+    typename Net::Columns outputs = typename Net::Columns(Net::output_size, chunk);
+  };
+  std::vector<Buffers> buffers_;  // one for each thread
+  std::array<double, 64> sums_;   // of chunks
+};
+
 /// Mean loss of a network without dropout. The bits do not depend on the number of threads.
 template <class Net, class T = typename Net::Scalar>
 double mean_loss(const Net& network, const Samples<T>& samples, const Loss<T>& loss = {}, int threads = 0) {
-  constexpr Eigen::Index chunk = 96;
-  const int team = threads > 0 ? threads : default_threads();
-  std::vector<typename Net::Workspace> workspaces(static_cast<std::size_t>(team));
-  std::vector<typename Net::Columns> outputs(workspaces.size(),
-                                             typename Net::Columns(Net::output_size, chunk));
-  std::vector<double> sums(workspaces.size());
-  double total = 0;
-  for (Eigen::Index start = 0; start < samples.count(); start += team * chunk) {
-    const Eigen::Index chunks = std::min<Eigen::Index>(team, (samples.count() - start + chunk - 1) / chunk);
-    parallel_for(chunks, team, [&](std::ptrdiff_t task) {
-      const auto t = static_cast<std::size_t>(task);
-      const Eigen::Index first = start + task * chunk, count = std::min(chunk, samples.count() - first);
-      network.forward(samples.inputs.middleCols(first, count), outputs[t].leftCols(count), workspaces[t]);
-      typename Net::Output gradient;
-      sums[t] = 0;
-      for (Eigen::Index c = 0; c < count; ++c)
-        sums[t] += loss.evaluate(samples, first + c, outputs[t].col(c).data(), gradient.data());
-    });
-    for (Eigen::Index t = 0; t < chunks; ++t) total += sums[static_cast<std::size_t>(t)];
-  }
-  return total / static_cast<double>(samples.count());
+  return Evaluation<Net>(threads).mean_loss(network, samples, loss);
 }
 
 /// Trains a network. The samples must outlive the trainer.
@@ -109,8 +134,12 @@ class Trainer {
         loss_(std::move(loss)),
         train_(train),
         validation_(validation),
-        state_{network, network, AlignedBuffer<Scalar>(Optimizer::moment_count * Net::block_size), {}},
+        state_{network,
+               std::move(network),
+               AlignedBuffer<Scalar>(Optimizer::moment_count * Net::block_size),
+               {}},
         gradients_(checked(options, train)),
+        evaluation_(options.threads),
         order_(static_cast<std::size_t>(train.count())) {
     detail::expect_samples("Trainer: training samples", train_, Net::input_size, Net::output_size);
     if (validation_.count() != 0)
@@ -127,12 +156,14 @@ class Trainer {
   const Net& best() const noexcept { return state_.best; }
 
   /// Goes on from a state that a trainer with the same samples, options, optimiser and loss had between two
-  /// epochs.
-  void restore(TrainingState<Net> state) {
-    if (state.moments.size() != state_.moments.size())
-      detail::refuse("Trainer::restore: moments", detail::text(state_.moments.size(), " numbers"),
-                     state.moments.size());
-    state_ = std::move(state);
+  /// epochs. write(state) puts it in the place of this trainer's, so that memory never holds a second one.
+  template <std::invocable<TrainingState<Net>&> Write>
+  void restore(const Write& write) {
+    write(state_);
+    if (state_.moments.size() != Optimizer::moment_count * Net::block_size)
+      detail::refuse("Trainer::restore: moments",
+                     detail::text(Optimizer::moment_count * Net::block_size, " numbers"),
+                     state_.moments.size());
   }
 
   /// One pass over the training samples in a new order, and one over the validation samples. Does nothing
@@ -146,7 +177,7 @@ class Trainer {
       report.learning_rate = options_.schedule.rate(static_cast<int>(progress.epoch), options_.epochs);
       report.train_loss = descend(report.learning_rate);
       const bool validated = validation_.count() != 0;
-      report.validation_loss = validated ? mean_loss(state_.network, validation_, loss_, options_.threads)
+      report.validation_loss = validated ? evaluation_.mean_loss(state_.network, validation_, loss_)
                                          : std::numeric_limits<double>::quiet_NaN();
       judge(validated ? report.validation_loss : report.train_loss);
       const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -194,40 +225,60 @@ class Trainer {
   }
 
   /// All batches once; the mean of their losses. Stops before an update that comes from a loss that is not
-  /// finite.
+  /// finite. One team for the whole epoch: a step is too short to start threads in.
   double descend(double rate) {
     shuffle();
-    double sum = 0;
-    for (std::size_t first = 0; first < order_.size();
-         first += static_cast<std::size_t>(options_.batch_size)) {
-      const std::size_t count =
-          std::min(order_.size() - first, static_cast<std::size_t>(options_.batch_size));
-      const double loss =
-          gradients_.run(state_.network, train_, loss_, std::span(order_).subspan(first, count),
-                         {options_.dropout, options_.seed, state_.progress.step}, options_.threads);
-      sum += loss * static_cast<double>(count);
-      if (!std::isfinite(loss)) break;
-      update(rate);
-    }
-    return sum / static_cast<double>(order_.size());
+    const auto batch = static_cast<std::size_t>(options_.batch_size);
+    const std::uint64_t steps_before = state_.progress.step;
+    double mean = 0;
+    parallel_team(useful_threads(), [&](const Team& team) {
+      std::uint64_t step = steps_before;
+      double sum = 0;
+      for (std::size_t first = 0; first < order_.size(); first += batch) {
+        const auto order = std::span(order_).subspan(first, std::min(order_.size() - first, batch));
+        const double loss = gradients_.run(state_.network, train_, loss_, order,
+                                           {options_.dropout, options_.seed, step}, team);
+        sum += loss * static_cast<double>(order.size());
+        if (!std::isfinite(loss)) break;
+        update(team, rate, ++step);
+      }
+      if (team.index() > 0) return;
+      state_.progress.step = step;
+      mean = sum / static_cast<double>(order_.size());
+    });
+    return mean;
   }
 
-  void update(double rate) {
-    const auto rule = optimizer_.template rule<Scalar>(rate, ++state_.progress.step);
+  /// As many threads as are asked for, but no more than have something to do in a step: at least 8 samples
+  /// each, for which they read all weights, and some 20 microseconds, beside which waiting counts little.
+  int useful_threads() const {
+    constexpr std::size_t products = 1 << 18;
+    const auto batch = std::min(order_.size(), static_cast<std::size_t>(options_.batch_size));
+    const std::size_t most = std::min((batch + 7) / 8, batch * Net::parameter_count / products);
+    const auto asked = static_cast<std::size_t>(options_.threads > 0 ? options_.threads : default_threads());
+    return static_cast<int>(std::clamp(asked, std::size_t{1}, std::max(most, std::size_t{1})));
+  }
+
+  void update(const Team& team, double rate, std::uint64_t step) {
+    const auto rule = optimizer_.template rule<Scalar>(rate, step);
     const auto l2 = static_cast<Scalar>(2 * options_.l2);
     Scalar* parameters = state_.network.parameters().data();
     Scalar* moments = state_.moments.data();
-    gradients_.parameter_gradient(options_.threads,
-                                  [=](std::size_t at, detail::Simd<Scalar> g, bool is_weight) {
-                                    auto w = detail::load(parameters + at);
-                                    detail::Simd<Scalar> m[Optimizer::moment_count];
-                                    for (std::size_t i = 0; i < Optimizer::moment_count; ++i)
-                                      m[i] = detail::load(moments + i * Net::block_size + at);
-                                    if (is_weight) g += l2 * w;
-                                    detail::store(parameters + at, rule(w, g, m, is_weight));
-                                    for (std::size_t i = 0; i < Optimizer::moment_count; ++i)
-                                      detail::store(moments + i * Net::block_size + at, m[i]);
-                                  });
+    gradients_.parameter_gradient(team, [=](std::size_t at, detail::Simd<Scalar> g, bool is_weight) {
+      // What is updated next is on its way from memory while its gradient is summed.
+      constexpr std::size_t next = detail::gradient_rows<Scalar> * detail::lanes<Scalar>;
+      __builtin_prefetch(parameters + at + next, 1);
+      for (std::size_t i = 0; i < Optimizer::moment_count; ++i)
+        __builtin_prefetch(moments + i * Net::block_size + at + next, 1);
+      auto w = detail::load(parameters + at);
+      detail::Simd<Scalar> m[Optimizer::moment_count];
+      for (std::size_t i = 0; i < Optimizer::moment_count; ++i)
+        m[i] = detail::load(moments + i * Net::block_size + at);
+      if (is_weight) g += l2 * w;
+      detail::store(parameters + at, rule(w, g, m, is_weight));
+      for (std::size_t i = 0; i < Optimizer::moment_count; ++i)
+        detail::store(moments + i * Net::block_size + at, m[i]);
+    });
   }
 
   void judge(double loss) {
@@ -255,6 +306,7 @@ class Trainer {
   Samples<Scalar> train_, validation_;
   TrainingState<Net> state_;
   Backpropagation<Net> gradients_;
+  Evaluation<Net> evaluation_;
   std::vector<std::uint32_t> order_;
 };
 

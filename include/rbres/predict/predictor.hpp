@@ -36,11 +36,7 @@ class Predictor {
 
   /// The state `horizon` later, under these constant wrenches. Bodies from `present` on are absent.
   State predict(const State& state, const Wrenches& wrench, int present = N) const noexcept {
-    const auto y = output.restore(network.forward(encode(state, wrench, present)));
-    State next = Code::sum(base(state, wrench),
-                           typename Code::template Output<double>(y.template cast<double>()), present);
-    for (int b = present; b < N; ++b) next[b] = state[b];
-    return next;
+    return decode(state, wrench, network.forward(encode(state, wrench, present)), present);
   }
 
   /// Predictions of predictions: fills `states` with the states 1, 2, ... horizons later.
@@ -54,6 +50,16 @@ class Predictor {
     typename Net::Input x = input.normalize(Code::encode(state, wrench, present).template cast<Scalar>());
     x.tail(19 * (N - present)).setZero();
     return x;
+  }
+
+  /// The state that the network's normalised output `y` means for this start.
+  State decode(const State& state, const Wrenches& wrench, const typename Net::Output& y,
+               int present) const noexcept {
+    State next =
+        Code::sum(base(state, wrench),
+                  typename Code::template Output<double>(output.restore(y).template cast<double>()), present);
+    for (int b = present; b < N; ++b) next[b] = state[b];
+    return next;
   }
 
   /// What the network's output is added to.
@@ -75,9 +81,7 @@ class Predictor {
         if (to.dot(q) < 0) to *= -1.0;
       }
     }
-    const State from = base(state, wrench);
-    auto y = Code::difference(truth, from, present);
-    return y;
+    return Code::difference(truth, base(state, wrench), present);
   }
 };
 

@@ -101,11 +101,15 @@ class Stepper {
 template <class System>
 void check_state(const System& system, const typename System::State& y) {
   using S = typename System::Scalar;
+  constexpr const char* names[] = {
+      "position x",         "position y",         "position z",        "orientation x", "orientation y",
+      "orientation z",      "orientation w",      "velocity x",        "velocity y",    "velocity z",
+      "angular velocity x", "angular velocity y", "angular velocity z"};
   for (int i = 0; i < System::bodies; ++i) {
     const auto numbers = y[i].vector();
     for (int k = 0; k < numbers.size(); ++k) {
       if (!is_finite(numbers(k)))
-        detail::refuse(detail::text("body ", i, ", state component ", k), "a finite number", numbers(k));
+        detail::refuse(detail::text("body ", i, ", ", names[k]), "a finite number", numbers(k));
     }
     const S length = std::sqrt(squared_norm(y[i].orientation));
     if (!(std::abs(length - S(1)) < as<S>(1e-3))) {

@@ -1,0 +1,82 @@
+// The results of one world, set and horizon, method by method.
+#pragma once
+
+#include "measure.hpp"
+#include "table.hpp"
+
+namespace paper {
+
+/// Mean and standard deviation (of n - 1) over seeds.
+struct OverSeeds {
+  double mean = std::numeric_limits<double>::quiet_NaN(), deviation = 0;
+  std::size_t count = 0;
+
+  explicit OverSeeds(const std::vector<double>& values) : count(values.size()) {
+    if (values.empty()) return;
+    mean = 0;
+    for (const double x : values) mean += x / static_cast<double>(count);
+    for (const double x : values) deviation += (x - mean) * (x - mean);
+    deviation = count > 1 ? std::sqrt(deviation / static_cast<double>(count - 1)) : 0;
+  }
+  std::string text() const { return digits(mean) + (count > 1 ? " ± " + digits(deviation) : ""); }
+};
+
+/// One method: a baseline, or a network of one protocol with its seeds.
+struct Method {
+  std::string name;        ///< as in timings
+  std::string trained_on;  ///< "20k" for a network, empty for a baseline
+  std::vector<const Json*> seeds;
+
+  bool is_network() const { return !trained_on.empty(); }
+  std::string title() const {
+    if (!is_network()) return name;
+    return name + ", " + trained_on +
+           (seeds.size() > 1 ? ", " + std::to_string(seeds.size()) + " seeds" : "");
+  }
+  /// A figure over the seeds: value("/position").
+  OverSeeds value(const std::string& pointer) const {
+    std::vector<double> values;
+    for (const Json* seed : seeds) {
+      const Json& x = seed->at(Json::json_pointer(pointer));
+      values.push_back(x.is_number() ? x.get<double>() : std::numeric_limits<double>::quiet_NaN());
+    }
+    return OverSeeds(values);
+  }
+};
+
+/// A world and set of the plan.
+struct Place {
+  World world;
+  BodySet set;
+  std::string label() const { return label_of(world, set); }
+};
+inline std::vector<Place> places(const Plan& plan) {
+  std::vector<Place> all;
+  for (const World world : {World::free_space, World::room}) {
+    for (const BodySet set : plan.sets) all.push_back({world, set});
+  }
+  return all;
+}
+
+/// Every method of a place at horizon h: baselines, then networks in the order of the plan.
+inline std::vector<Method> methods_at(const Plan& plan, const Json& results, const Place& place,
+                                      std::size_t h) {
+  std::vector<Method> all;
+  for (const auto& [method, m] : results.at("baselines").at(place.label()).at(std::to_string(h)).items())
+    all.push_back({method, "", {&m}});
+  for (const Unit& unit : plan.units) {
+    if (unit.world != place.world || unit.set != place.set || unit.horizon != h) continue;
+    const std::string trained_on = std::to_string(unit.protocol.scenarios / 1000) + "k";
+    const Json* found = &results.at("networks").at(name(unit, plan));
+    const auto same = std::find_if(all.begin(), all.end(), [&](const Method& m) {
+      return m.name == method_of(unit) && m.trained_on == trained_on;
+    });
+    if (same == all.end())
+      all.push_back({method_of(unit), trained_on, {found}});
+    else
+      same->seeds.push_back(found);
+  }
+  return all;
+}
+
+}  // namespace paper

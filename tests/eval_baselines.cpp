@@ -1,0 +1,98 @@
+#include <doctest/doctest.h>
+
+#include <rbres/eval/baselines.hpp>
+
+using namespace rbres;
+
+namespace {
+
+using State = SystemState<double, 5>;
+using Wrenches = std::array<Wrench<double>, 5>;
+
+/// Bodies that fly far from each other and turn.
+State apart() {
+  State y;
+  for (int b = 0; b < 5; ++b) {
+    y[b].position = {3.0 * b, 0, 1};
+    y[b].velocity = {0.5, -1, 2};
+    y[b].angular_velocity = {1, 2, -0.5};
+  }
+  return y;
+}
+
+double distance(const State& a, const State& b) { return (a.vector() - b.vector()).cwiseAbs().maxCoeff(); }
+
+}  // namespace
+
+TEST_CASE("constant velocity keeps velocities, and turns about a fixed axis") {
+  State y = apart();
+  y[0].angular_velocity = {0, 0, std::numbers::pi};
+  y[1].angular_velocity = {0, 0, 0};
+  const State next = ConstantVelocity{0.5}(y, Wrenches{}, 4);
+  CHECK(norm(next[0].position - Vec3<double>{0.25, -0.5, 2}) < 1e-14);
+  CHECK(next[0].velocity == y[0].velocity);
+  CHECK(next[0].orientation.z == doctest::Approx(std::sqrt(0.5)));
+  CHECK(next[0].orientation.w == doctest::Approx(std::sqrt(0.5)));
+  CHECK(next[1].orientation == y[1].orientation);
+  CHECK(next[4] == y[4]);
+}
+
+TEST_CASE("without contacts, flow and simulation of either kind agree") {
+  const auto check = [](auto set) {
+    constexpr BodySet Set = set();
+    const State y = apart();
+    Wrenches w{};
+    w[2] = {{1, -2, 0.5}, {0.01, 0.02, -0.01}};
+    for (const int present : {3, 4, 5}) {
+      const State flown = ContactFree{free_flow<Set>(), 0.4}(y, w, present);
+      for (const ContactMode mode : {ContactMode::discrete, ContactMode::continuous}) {
+        const Simulated<Set> simulated{World::free_space, {.step = 0.02, .duration = 0.4, .contacts = mode}};
+        CHECK(distance(simulated(y, w, present), flown) < 1e-12);
+      }
+      for (int b = present; b < 5; ++b) CHECK(flown[b] == y[b]);
+    }
+    CHECK(norm(ContactFree{free_flow<Set>(), 0.4}(y, w, 5)[2].velocity - y[2].velocity) > 1);
+  };
+  check(std::integral_constant<BodySet, BodySet::standard>{});
+  check(std::integral_constant<BodySet, BodySet::box>{});
+}
+
+TEST_CASE("simulations meet the room's walls, the flow does not") {
+  State y = apart();
+  for (int b = 0; b < 3; ++b) y[b].position = {1.0 * b - 1, 0, 0.4}, y[b].velocity = {0, 0, -3};
+  const Simulated<BodySet::standard> room{World::room, {.step = 1e-3, .duration = 0.2}};
+  const Simulated<BodySet::standard> nowhere{World::free_space, {.step = 1e-3, .duration = 0.2}};
+  CHECK(room(y, Wrenches{}, 3)[0].velocity.z > 0);
+  CHECK(nowhere(y, Wrenches{}, 3)[0].velocity.z < -3);
+}
+
+TEST_CASE("all predictions are those one by one, and the data count impacts by horizon") {
+  const ScenarioSampler<BodySet::standard> sampler(World::room, 3);
+  const ScenarioData data = generate(sampler, 0, 40, {0.2, 1});
+  const ContactFree predict{free_flow<BodySet::standard>(), 0.2};
+  const Eigen::MatrixXd all = predict_all(data, 5, 35, predict);
+  REQUIRE(all.cols() == 35);
+  for (Eigen::Index c = 0; c < 35; ++c) {
+    const int present = data.body_count[static_cast<std::size_t>(c + 5)];
+    const State one = predict(state_of(data.initial, c + 5, present), wrench_of(data, c + 5), present);
+    CHECK((all.col(c) - one.vector()).cwiseAbs().maxCoeff() == 0);
+  }
+
+  REQUIRE(data.impacts.rows() == 2);
+  REQUIRE(data.impacts.cols() == 40);
+  int several = 0;
+  for (Eigen::Index c = 0; c < 40; ++c) {
+    const double first = static_cast<double>(data.first_contact[static_cast<std::size_t>(c)]);
+    CHECK((data.impacts(0, c) > 0) == (first <= 0.2 + 1e-6));
+    CHECK((data.impacts(1, c) > 0) == (first <= 1 + 1e-6));
+    CHECK(data.impacts(0, c) <= data.impacts(1, c));
+    several += data.impacts(1, c) > 1;
+  }
+  CHECK(several > 0);
+
+  int calls = 0;
+  const TimedCall timed = one_by_one(data, 7, [&](const State& y, const auto&, int) { return ++calls, y; });
+  timed.run();
+  CHECK(calls == 7);
+  CHECK(timed.scenarios == 7);
+}

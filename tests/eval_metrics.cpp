@@ -1,0 +1,164 @@
+#include <doctest/doctest.h>
+
+#include <rbres/eval/metrics.hpp>
+#include <rbres/eval/timing.hpp>
+#include <rbres/sim/dataset.hpp>
+
+using namespace rbres;
+
+namespace {
+
+const Vec3<double> moments{0.1, 0.2, 0.3};
+constexpr double mass = 2;
+
+/// Scenarios of three bodies, all at rest at (1, 2, 2) and upright, none of which had a contact.
+ScenarioData at_rest(Eigen::Index n) {
+  ScenarioData data;
+  data.horizons = {0.1, 1};
+  data.states.assign(2, ScenarioData::Columns::Zero(65, n));
+  for (auto& states : data.states) {
+    for (int b = 0; b < 3; ++b) {
+      states.middleRows(13 * b, 3).colwise() = Eigen::Vector3f(1, 2, 2);
+      states.row(13 * b + 6).setOnes();
+    }
+  }
+  data.body_count.assign(static_cast<std::size_t>(n), 3);
+  data.first_contact.assign(static_cast<std::size_t>(n), std::numeric_limits<float>::infinity());
+  return data;
+}
+
+Metrics compare(const ScenarioData& data, const Eigen::MatrixXd& predicted, std::size_t h = 0,
+                Eigen::Index first = 0) {
+  return measure(data, h, first, predicted, moments, mass);
+}
+
+Eigen::MatrixXd truth(const ScenarioData& data) { return data.states[0].cast<double>(); }
+
+}  // namespace
+
+TEST_CASE("truth itself has no error; a quaternion's sign is none") {
+  const ScenarioData data = at_rest(2);
+  Eigen::MatrixXd guess = truth(data);
+  guess.middleRows(3, 4) *= -1;
+  const Metrics m = compare(data, guess);
+  CHECK(m.bodies == 6);
+  for (const double x : {m.position, m.orientation, m.velocity, m.angular_velocity, m.angle, m.energy,
+                         m.relative[0], m.relative[1], m.elementwise[0], m.elementwise[1]})
+    CHECK(x == 0);
+}
+
+TEST_CASE("mean squares are per component and over present bodies") {
+  const ScenarioData data = at_rest(2);
+  Eigen::MatrixXd guess = truth(data);
+  guess(0, 0) += 3;       // body 0 of scenario 0
+  guess(13 + 7, 1) += 6;  // body 1 of scenario 1
+  guess(13 + 10, 1) -= 3;
+  guess.bottomRows(26).setConstant(100);  // absent
+  const Metrics m = compare(data, guess);
+  CHECK(m.position == doctest::Approx(9.0 / 3 / 6));
+  CHECK(m.velocity == doctest::Approx(36.0 / 3 / 6));
+  CHECK(m.angular_velocity == doctest::Approx(9.0 / 3 / 6));
+  CHECK(m.orientation == 0);
+}
+
+TEST_CASE("angles are in degrees, also small ones, whatever the quaternion's sign and length") {
+  const ScenarioData data = at_rest(1);
+  for (const double degrees : {1e-7, 0.5, 90.0, 179.0}) {
+    const double half = degrees * std::numbers::pi / 360;
+    Eigen::MatrixXd guess = truth(data);
+    guess.col(0).segment<4>(3) << -2 * std::sin(half), 0, 0, -2 * std::cos(half);
+    CHECK(compare(data, guess).angle == doctest::Approx(degrees / 3).epsilon(1e-8));  // of three bodies
+  }
+  Eigen::MatrixXd quarter = truth(data);
+  quarter.col(0).segment<4>(3) << 0, std::sqrt(0.5), 0, std::sqrt(0.5);
+  CHECK(compare(data, quarter).orientation == doctest::Approx((2 - std::sqrt(2.0)) / 4 / 3));
+  quarter(3, 0) = std::numeric_limits<double>::quiet_NaN();
+  CHECK(std::isnan(compare(data, quarter).angle));
+}
+
+TEST_CASE("relative errors: by norm, and element by element without the components that are zero") {
+  const ScenarioData data = at_rest(1);
+  Eigen::MatrixXd guess = truth(data);
+  guess.col(0).segment<3>(0) += Eigen::Vector3d(0.3, 0.6, 0.6);  // truth (1, 2, 2): 30 %
+  guess.col(0).segment<3>(13) += Eigen::Vector3d(0.1, 0, 0);
+  const Metrics m = compare(data, guess);
+  CHECK(m.relative[0] == doctest::Approx((0.3 + 0.1 / 3) / 3));
+  CHECK(m.relative_median[0] == doctest::Approx(0.1 / 3));
+  CHECK(m.elementwise[0] == doctest::Approx((3 * 0.3 + 0.1) / 9));
+  guess(7, 0) = 1;  // truth has no velocity: nothing to divide by
+  CHECK(compare(data, guess).elementwise[2] == 0);
+}
+
+TEST_CASE("the energy error is that of kinetic and potential energy, over truth's") {
+  ScenarioData data = at_rest(1);
+  Eigen::MatrixXd guess = truth(data);
+  const double energy = 3 * 9.81 * mass * 2;
+  guess(2, 0) += 0.5;
+  CHECK(compare(data, guess).energy == doctest::Approx(9.81 * mass * 0.5 / energy));
+  guess = truth(data);
+  guess(13 + 8, 0) = 3;   // 1/2 m v^2 = 9
+  guess(26 + 12, 0) = 2;  // 1/2 I_z w^2 = 0.6
+  CHECK(compare(data, guess).energy == doctest::Approx((9 + 0.6) / energy));
+}
+
+TEST_CASE("r and the share within half a metre per second look at scenarios that had a contact") {
+  ScenarioData data = at_rest(3);
+  Eigen::MatrixXd guess = truth(data);
+  CHECK(compare(data, guess).collided == 0);
+  data.first_contact[1] = 0.1f;
+  data.first_contact[2] = 0.5f;
+  // Truth's components are 0, 1, ... 8 and the guess is a straight line of them: r = 1 at any slope.
+  for (int i = 0; i < 9; ++i) {
+    const int row = 13 * (i / 3) + 7 + i % 3;
+    for (auto& states : data.states) states(row, 1) = static_cast<float>(i);
+    guess(row, 1) = 0.9 * i + 0.2;  // off by 0.2 - 0.1 i: within 0.5 up to i = 7
+    guess(row, 0) = 50;             // no contact: not looked at
+    guess(row, 2) = -50;            // not yet
+  }
+  Metrics m = compare(data, guess);
+  CHECK(m.collided == 3);
+  CHECK(m.pearson == doctest::Approx(1));
+  CHECK(m.within_half == doctest::Approx(8.0 / 9));
+  CHECK(compare(data, guess, 1).collided == 6);
+  // (0, 1, 2) against (0, 2, 1), the others equal: the covariance over the deviations' product, by hand.
+  for (int i = 0; i < 9; ++i) guess(13 * (i / 3) + 7 + i % 3, 1) = i;
+  guess(8, 1) = 2, guess(9, 1) = 1;
+  CHECK(compare(data, guess).pearson == doctest::Approx(59.0 / 60));
+}
+
+TEST_CASE("a first scenario counts from there") {
+  ScenarioData data = at_rest(3);
+  data.states[0](0, 2) = 4;
+  CHECK(compare(data, truth(data).rightCols(1), 0, 2).position == 0);
+  CHECK(compare(data, truth(data).rightCols(1), 0, 1).position == doctest::Approx(9.0 / 3 / 3));
+}
+
+TEST_CASE("quartiles are between neighbours, over those chosen") {
+  const ScenarioData data = at_rest(6);
+  Eigen::MatrixXd guess = truth(data);
+  for (int c = 0; c < 6; ++c) guess(1, c) += 3 * std::sqrt(c);  // error per scenario: 9 c / 3 / 3 = c
+  const Quartiles five = position_quartiles(data, 0, 0, guess, [](std::size_t s) { return s < 5; });
+  CHECK(five.count == 5);
+  CHECK(five.low == doctest::Approx(1));
+  CHECK(five.median == doctest::Approx(2));
+  CHECK(five.high == doctest::Approx(3));
+  const Quartiles all = position_quartiles(data, 0, 0, guess, [](std::size_t) { return true; });
+  CHECK(all.low == doctest::Approx(1.25));
+  CHECK(all.median == doctest::Approx(2.5));
+  CHECK(position_quartiles(data, 0, 0, guess, [](std::size_t) { return false; }).count == 0);
+}
+
+TEST_CASE("methods are timed in turns") {
+  std::string order;
+  const auto call = [&](char name) { return TimedCall{[&order, name] { order += name; }, 10}; };
+  const auto spreads = time_side_by_side({call('a'), call('b')}, 3, 0);
+  CHECK(order ==
+        "ababab"
+        "ab");  // once to warm up, then three rounds
+  REQUIRE(spreads.size() == 2);
+  for (const Spread& s : spreads) {
+    CHECK(s.low >= 0);
+    CHECK(s.low <= s.median);
+    CHECK(s.median <= s.high);
+  }
+}

@@ -1,0 +1,233 @@
+#include <doctest/doctest.h>
+
+#include <rbres/eval/training_set.hpp>
+
+#include <cstdlib>
+#include <new>
+
+using namespace rbres;
+
+namespace {
+long allocations = 0;
+}
+
+#if defined(__GNUC__) && !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wmismatched-new-delete"  // these replacements match each other
+#endif
+
+[[gnu::noinline]] void* operator new(std::size_t size) {
+  ++allocations;
+  if (void* at = std::malloc(size)) return at;
+  throw std::bad_alloc();
+}
+[[gnu::noinline]] void* operator new(std::size_t size, std::align_val_t alignment) {
+  ++allocations;
+  const auto a = static_cast<std::size_t>(alignment);
+  if (void* at = std::aligned_alloc(a, (size + a - 1) / a * a)) return at;
+  throw std::bad_alloc();
+}
+void operator delete(void* at) noexcept { std::free(at); }
+void operator delete(void* at, std::size_t) noexcept { std::free(at); }
+void operator delete(void* at, std::align_val_t) noexcept { std::free(at); }
+void operator delete(void* at, std::size_t, std::align_val_t) noexcept { std::free(at); }
+
+namespace {
+
+using Small = Predictor<ResidualNetwork<float, 95, 16, 1, 65>, 5>;
+using State = Small::State;
+
+static_assert(noexcept(std::declval<const Small&>().predict(std::declval<const State&>(), Small::Wrenches{},
+                                                            4)));
+static_assert(noexcept(std::declval<const Small&>().rollout(State{}, Small::Wrenches{},
+                                                            std::declval<std::array<State, 2>&>())));
+
+FreeFlow<5> flow() {
+  FreeFlow<5> f{System<double, 5>::of(Body{Box{0.2, 0.1, 0.15}, 2.0})};
+  f.damping = {0.1, 0.1};
+  return f;
+}
+
+Small predictor(Target target) {
+  Small p{Small::Network(7), {}, {}, flow(), target, 0.3};
+  Random random(8);
+  for (float& x : p.input.mean.reshaped()) x = static_cast<float>(random.normal());
+  for (float& x : p.output.mean.reshaped()) x = static_cast<float>(random.normal());
+  p.input.deviation.setConstant(2);
+  p.output.deviation.setConstant(0.5f);
+  return p;
+}
+
+State random_state(std::uint64_t seed) {
+  Random random(seed);
+  State y;
+  for (double& x : y.vector().reshaped()) x = random.normal();
+  for (auto& body : y.body) body.orientation = normalized(body.orientation);
+  return y;
+}
+
+/// The same orientations by the other quaternions.
+template <class State>
+State turned(State y) {
+  for (int b = 0; b < State::bodies; ++b) y[b].vector().template segment<4>(3) *= -1;
+  return y;
+}
+
+Small::Wrenches random_wrenches() {
+  Random random(9);
+  Small::Wrenches w;
+  for (auto& one : w) one = {{random.normal(), random.normal(), random.normal()}, {0.1, -0.1, 0.2}};
+  return w;
+}
+
+}  // namespace
+
+TEST_CASE("a prediction allocates nothing and has unit quaternions") {
+  for (const Target target : {Target::state, Target::residual}) {
+    const Small p = predictor(target);
+    const State y = random_state(1);
+    const auto w = random_wrenches();
+    std::array<State, 4> states;
+    const long before = allocations;
+    State next = p.predict(y, w, 4);
+    p.rollout(y, w, states);
+    CHECK(allocations == before);
+    for (const auto& body : next.body)
+      CHECK(squared_norm(body.orientation) == doctest::Approx(1).epsilon(1e-12));
+    CHECK(allocations > 0);  // they are counted
+  }
+}
+
+TEST_CASE("absent bodies stay as they are and change nothing") {
+  for (const Target target : {Target::state, Target::residual}) {
+    const Small p = predictor(target);
+    State y = random_state(2);
+    const auto w = random_wrenches();
+    const State next = p.predict(y, w, 3);
+    CHECK(next[3] == y[3]);
+    CHECK(next[4] == y[4]);
+    y[4] = random_state(3)[0];
+    const State again = p.predict(y, w, 3);
+    for (int b = 0; b < 3; ++b) CHECK(again[b] == next[b]);
+    CHECK_FALSE(p.predict(y, w, 5)[0] == next[0]);
+  }
+}
+
+TEST_CASE("a residual network that says nothing gives the contact-free flow") {
+  Small p = predictor(Target::residual);
+  std::fill(p.network.parameters().begin(), p.network.parameters().end(), 0.0f);
+  p.output.mean.setZero();
+  const State y = random_state(4);
+  const auto w = random_wrenches();
+  const State flown = flow()(y, w, 0.3), predicted = p.predict(y, w);
+  CHECK((predicted.vector() - flown.vector()).cwiseAbs().maxCoeff() < 1e-15);
+  p.target = Target::state;
+  CHECK((p.predict(y, w).vector() - flown.vector()).norm() > 1);
+}
+
+TEST_CASE("what the network is to say, decoded, is the truth") {
+  for (const Target target : {Target::state, Target::residual}) {
+    const Small p = predictor(target);
+    const State y = random_state(5);
+    const State truth = random_state(6);
+    const auto w = random_wrenches();
+    const auto said = p.wanted(y, w, truth, 5);
+    const State decoded = p.decode(y, w, p.output.normalize(said.cast<float>()), 5);
+    for (int b = 0; b < 5; ++b) {
+      const double cosine = decoded[b].vector().segment<4>(3).dot(truth[b].vector().segment<4>(3));
+      CHECK(std::abs(cosine) == doctest::Approx(1).epsilon(1e-6));
+      CHECK(norm(decoded[b].position - truth[b].position) < 1e-5);
+      CHECK(norm(decoded[b].velocity - truth[b].velocity) < 1e-5);
+    }
+    // The same from either quaternion of truth, and of the start.
+    CHECK(p.wanted(y, w, turned(truth), 5) == said);
+    CHECK(p.encode(turned(y), w, 5) == p.encode(y, w, 5));
+  }
+}
+
+TEST_CASE("a rollout is prediction after prediction") {
+  const Small p = predictor(Target::residual);
+  State y = random_state(7);
+  const auto w = random_wrenches();
+  std::array<State, 5> states;
+  p.rollout(y, w, states, 4);
+  for (const State& state : states) CHECK(state == (y = p.predict(y, w, 4)));
+}
+
+namespace {
+
+/// Made-up columns of 3 to 5 bodies.
+ScenarioData made_up(Eigen::Index n) {
+  Random random(10);
+  ScenarioData data{{0.1, 0.3},
+                    ScenarioData::Columns::Zero(65, n),
+                    ScenarioData::Columns::Zero(30, n),
+                    {2, ScenarioData::Columns::Zero(65, n)},
+                    std::vector<std::uint8_t>(static_cast<std::size_t>(n)),
+                    {},
+                    {},
+                    {}};
+  for (Eigen::Index c = 0; c < n; ++c) {
+    const int bodies = 3 + static_cast<int>(c % 3);
+    data.body_count[static_cast<std::size_t>(c)] = static_cast<std::uint8_t>(bodies);
+    for (auto* columns : {&data.initial, &data.wrench, &data.states[0], &data.states[1]})
+      for (float& x : columns->col(c).head(columns->rows() / 5 * bodies))
+        x = static_cast<float>(random.normal());
+  }
+  return data;
+}
+
+}  // namespace
+
+TEST_CASE("the normalisation comes from the training columns alone") {
+  const Eigen::Index n = 30, first_train = 6;
+  ScenarioData data = made_up(n);
+  Small p = predictor(Target::state);
+  const TrainingSet<Small> set(p, data, 1, first_train, n);
+  CHECK(p.horizon == 0.3);
+  const Small fitted = p;
+
+  const auto train = set.samples(first_train, n - first_train);
+  for (Eigen::Index r = 0; r < 95; ++r) {
+    double sum = 0, squares = 0, count = 0;
+    for (Eigen::Index c = 0; c < train.count(); ++c) {
+      if (r >= 19 * data.body_count[static_cast<std::size_t>(first_train + c)]) continue;
+      sum += train.inputs(r, c), squares += train.inputs(r, c) * train.inputs(r, c), ++count;
+    }
+    CHECK(sum / count == doctest::Approx(0).epsilon(1e-4));
+    CHECK(squares / count == doctest::Approx(1).epsilon(1e-4));
+  }
+
+  for (auto* columns : {&data.initial, &data.wrench, &data.states[1]})
+    columns->leftCols(first_train) = 3 * columns->leftCols(first_train).array() + 1;
+  const TrainingSet<Small> other_tests(p, data, 1, first_train, n);
+  CHECK(p.input.mean == fitted.input.mean);
+  CHECK(p.input.deviation == fitted.input.deviation);
+  CHECK(p.output.mean == fitted.output.mean);
+  CHECK(p.output.deviation == fitted.output.deviation);
+  data.states[1].col(first_train)[0] += 1;
+  const TrainingSet<Small> other_training(p, data, 1, first_train, n);
+  CHECK_FALSE(p.output.mean == fitted.output.mean);
+}
+
+TEST_CASE("samples are encoded, normalised, and without weight where a body is absent") {
+  const ScenarioData data = made_up(12);
+  Small p = predictor(Target::residual);
+  const TrainingSet<Small> set(p, data, 0, 4, 12);
+  const auto samples = set.samples(0, 12);
+  for (Eigen::Index c = 0; c < 12; ++c) {
+    const int present = data.body_count[static_cast<std::size_t>(c)];
+    const auto y = state_of(data.initial, c, present);
+    const auto w = wrench_of(data, c);
+    CHECK(samples.inputs.col(c) == p.encode(y, w, present));
+    CHECK(samples.inputs.col(c).tail(19 * (5 - present)).isZero(0));
+    const auto said = p.wanted(y, w, state_of(data.states[0], c, present), present);
+    CHECK(samples.targets.col(c).head(13 * present) ==
+          p.output.normalize(said.cast<float>()).head(13 * present));
+    CHECK(samples.targets.col(c).tail(13 * (5 - present)).isZero(0));
+    CHECK(samples.weights.col(c).sum() == 13 * present);
+    CHECK(samples.weights.col(c).head(13 * present).isOnes(0));
+  }
+  CHECK_THROWS_AS((TrainingSet<Small>(p, data, 2, 4, 12)), Error);
+  CHECK_THROWS_AS((TrainingSet<Small>(p, data, 0, 12, 12)), Error);
+  CHECK_THROWS_AS((TrainingSet<Small>(p, data, 0, 4, 13)), Error);
+}
