@@ -66,6 +66,20 @@ TEST_CASE("simulations meet the room's walls, the flow does not") {
   CHECK(nowhere(y, Wrenches{}, 3)[0].velocity.z < -3);
 }
 
+TEST_CASE("a rollout of a simulation is one run on, through contacts") {
+  State y = apart();
+  for (int b = 0; b < 3; ++b) y[b].position = {1.0 * b - 1, 0, 0.4}, y[b].velocity = {0, 0, -3};
+  const Simulated<BodySet::standard> once{World::room,
+                                          {.step = 0.02, .duration = 1.5, .contacts = ContactMode::discrete}};
+  Simulated<BodySet::standard> pieces = once;
+  pieces.options.duration = 0.1;
+  std::array<State, 15> states;
+  pieces.rollout(y, Wrenches{}, states, 3);
+  CHECK(states[0] == pieces(y, Wrenches{}, 3));
+  CHECK(distance(states[14], once(y, Wrenches{}, 3)) < 1e-12);
+  CHECK(states[3][4] == y[4]);
+}
+
 TEST_CASE("all predictions are those one by one, and the data count impacts by horizon") {
   const ScenarioSampler<BodySet::standard> sampler(World::room, 3);
   const ScenarioData data = generate(sampler, 0, 40, {0.2, 1});

@@ -15,8 +15,8 @@ inline const Unit& rolled_out(const Plan& plan, World world, BodySet set) {
   throw Error("the plan trains no network to roll out");
 }
 
-/// Mean square errors of position and velocity against time, for the trained residual network, RK4 with
-/// discrete contacts and the contact-free flow, each taken from its own last state.
+/// Mean square errors of position and velocity against time, of predictions of predictions by the trained
+/// residual network, and of runs of the contact-free flow and of RK4 with discrete contacts.
 template <BodySet Set>
 Json roll_out(const Bench<Set>& bench) {
   const Plan& plan = bench.plan;
@@ -32,23 +32,35 @@ Json roll_out(const Bench<Set>& bench) {
   const ScenarioData truth = generate(bench.sampler(), 0, plan.rollouts, times);
   Json found{{"time", times}};
   const auto body = scenario_body<Set>();
-  const auto follow = [&](const std::string& method, const auto& predict) {
-    ScenarioData now = truth;  // `initial` is where this method is
+  const auto follow = [&](const std::string& method, const auto& rollout) {
+    std::vector<std::vector<SystemState<double, 5>>> all(static_cast<std::size_t>(plan.rollouts));
+    parallel_for(plan.rollouts, 0, [&](std::ptrdiff_t c) {
+      auto& states = all[static_cast<std::size_t>(c)];
+      states.resize(times.size());
+      const int present = truth.body_count[static_cast<std::size_t>(c)];
+      rollout(state_of(truth.initial, c, present), wrench_of(truth, c), states, present);
+    });
+    Eigen::MatrixXd at(65, plan.rollouts);
     for (std::size_t k = 0; k < times.size(); ++k) {
-      const Eigen::MatrixXd next = predict_all(now, 0, plan.rollouts, predict);
-      const Metrics m = rbres::measure(truth, k, 0, next, body.inertia(), body.mass());
+      for (Eigen::Index c = 0; c < at.cols(); ++c) at.col(c) = all[static_cast<std::size_t>(c)][k].vector();
+      const Metrics m = rbres::measure(truth, k, 0, at, body.inertia(), body.mass());
       found[method]["position"].push_back(m.position);
       found[method]["velocity"].push_back(m.velocity);
-      now.initial = next.cast<float>();
     }
   };
-  follow("residual network",
-         [&](const auto& s, const auto& w, int present) { return predictor.predict(s, w, present); });
-  follow("contact-free flow", ContactFree{free_flow<Set>(), step});
+  follow("residual network", [&](const auto& y, const auto& wrench, auto& states, int present) {
+    predictor.rollout(y, wrench, states, present);
+  });
+  follow("contact-free flow", [&](auto y, const auto& wrench, auto& states, int present) {
+    const ContactFree flow{free_flow<Set>(), step};
+    for (auto& next : states) next = y = flow(y, wrench, present);
+  });
   for (const int ms : Bench<Set>::rk4_steps) {
-    follow(Bench<Set>::rk4_name(ms),
-           Simulated<Set>{bench.world,
-                          {.step = ms * 1e-3, .duration = step, .contacts = ContactMode::discrete}});
+    const Simulated<Set> simulated{bench.world,
+                                   {.step = ms * 1e-3, .duration = step, .contacts = ContactMode::discrete}};
+    follow(Bench<Set>::rk4_name(ms), [&](const auto& y, const auto& wrench, auto& states, int present) {
+      simulated.rollout(y, wrench, states, present);
+    });
   }
   return found;
 }

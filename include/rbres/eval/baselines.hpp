@@ -2,6 +2,7 @@
 
 #include <rbres/eval/timing.hpp>
 #include <rbres/eval/training_set.hpp>
+#include <span>
 
 namespace rbres {
 
@@ -47,20 +48,40 @@ struct Simulated {
 
   SystemState<double, 5> operator()(const SystemState<double, 5>& y,
                                     const std::array<Wrench<double>, 5>& wrench, int present) const {
-    return present == 3 ? run<3>(y, wrench) : present == 4 ? run<4>(y, wrench) : run<5>(y, wrench);
+    std::array<SystemState<double, 5>, 1> next;
+    rollout(y, wrench, next, present);
+    return next[0];
+  }
+
+  /// One run on: fills `states` with the states 1, 2, ... horizons later. After a number that is not finite
+  /// they stay as they were.
+  void rollout(const SystemState<double, 5>& y, const std::array<Wrench<double>, 5>& wrench,
+               std::span<SystemState<double, 5>> states, int present) const {
+    present == 3   ? run<3>(y, wrench, states)
+    : present == 4 ? run<4>(y, wrench, states)
+                   : run<5>(y, wrench, states);
   }
 
  private:
   template <int N>
-  SystemState<double, 5> run(SystemState<double, 5> y, const std::array<Wrench<double>, 5>& wrench) const {
+  void run(SystemState<double, 5> y, const std::array<Wrench<double>, 5>& wrench,
+           std::span<SystemState<double, 5>> states) const {
     const auto system = scenario_system<Set, N>(world);
     SystemState<double, N> part;
     ConstantWrench<double, N> own;
     std::copy_n(y.body.begin(), N, part.body.begin());
     std::copy_n(wrench.begin(), N, own.wrench.begin());
-    simulate(system, part, scenario_forces<Set>(own), Rk4{}, options);
+    SimulationOptions all = options;
+    all.duration = options.duration * static_cast<double>(states.size());
+    all.sample_rate = 1 / options.duration;
+    std::size_t done = 0;
+    simulate(system, part, scenario_forces<Set>(own), Rk4{}, all, [&](double time, const auto& now) {
+      if (time == 0) return;
+      std::copy_n(now.body.begin(), N, y.body.begin());
+      states[done++] = y;
+    });
     std::copy_n(part.body.begin(), N, y.body.begin());
-    return y;
+    std::ranges::fill(states.subspan(done), y);
   }
 };
 

@@ -31,7 +31,7 @@ struct BatchSample {
 /// model of the scenarios in lanes[0], lanes[1], ... as it acts on S (scenarios past the end repeat the last
 /// one); observe(BatchSample) is called at the start, at every sample and at the end, from several threads at
 /// once but for one scenario never twice at the same time. No bit of the result depends on the threads.
-/// Throws Error for options and starts that make no sense.
+/// Throws Error for options and starts that make no sense, see check_state; start(i) is called twice.
 template <class S, class T, int N, class Shape, class Start, class MakeForces, class Integrator,
           class Observe>
 void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, const Start& start,
@@ -41,6 +41,13 @@ void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, con
   static_assert(std::is_same_v<Value, T>, "the lanes hold numbers of the system's scalar");
   constexpr int L = ScalarTraits<S>::lanes;
   options.check();
+  for (std::ptrdiff_t i = 0; i < count; ++i) {
+    try {
+      check_state(system, start(i));
+    } catch (const Error& problem) {
+      throw Error(detail::text("scenario ", i, ": ", problem.what()));
+    }
+  }
   const auto lanes_system = system.template cast<S>();
   using Lanes = std::decay_t<decltype(lanes_system)>;
   const double step = whole_step(options);
