@@ -108,6 +108,11 @@ TEST_CASE("samples come at their times, and an observer changes no bit and may s
   CHECK(samples == 51);
   CHECK(report.steps == 350);
   CHECK(plain == watched);
+  auto unwatched = falling();
+  const double step = whole_step(options);
+  Stepper stepper(system, Gravity{}, Rk4{}, options);
+  for (long k = 0; k < report.steps; ++k) stepper.step(unwatched, static_cast<double>(k) * step, step);
+  CHECK(unwatched == watched);
   const auto early = simulate(system, stopped, Gravity{}, Rk4{}, options,
                               [](double time, const auto&) { return time < 0.5; });
   CHECK(early.status == SimulationStatus::stopped);
