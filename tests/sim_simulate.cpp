@@ -224,6 +224,26 @@ TEST_CASE("continuous contact: free flight and impacts do not depend on the step
   for (int i = 0; i < 3; ++i) CHECK(norm(coarse[i].position - fine[i].position) < 1e-6);
 }
 
+TEST_CASE("a step past its event cap is finished discretely, and counted") {
+  const System<double, 1, Sphere<double>> system{{Body{Sphere{0.1}, 1.0, lively}}, {floor_plane(lively)}};
+  SystemState<double, 1> y;
+  y[0].position.z = 0.15;
+  y[0].velocity.z = -1;
+  const auto report = simulate(system, y, nothing, Rk4{}, {.step = 0.1, .duration = 0.1, .max_events = 1});
+  CHECK(report.overruns == 1);
+  CHECK(y[0].velocity.z == doctest::Approx(0.8).epsilon(1e-12));
+}
+
+TEST_CASE("an elastic contact bounces however slow it is") {
+  const Material<double> elastic{1, 0};
+  const System<double, 1, Sphere<double>> system{{Body{Sphere{0.1}, 1.0, elastic}}, {floor_plane(elastic)}};
+  SystemState<double, 1> y;
+  y[0].position.z = 0.1001;
+  y[0].velocity.z = -1e-3;
+  simulate(system, y, nothing, Rk4{}, {.step = 0.01, .duration = 0.2});
+  CHECK(y[0].velocity.z == doctest::Approx(1e-3).epsilon(1e-12));
+}
+
 TEST_CASE("a ball rolls down a slope at 5/7 of the pull") {
   const double s = std::sin(0.3), c = std::cos(0.3);
   const System<double, 1, Sphere<double>> system{{Body{Sphere{0.1}, 1.0, lively}},
