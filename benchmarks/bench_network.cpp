@@ -55,5 +55,7 @@ int main(int argc, char** argv) {
   rbres::bench::settle_environment(argv);
   std::fprintf(stderr, "peak of one core: %.1f GFLOP/s in float, registers of %zu bytes\n",
                1e-9 * rbres::bench::peak(0.05), rbres::detail::simd_bytes);
+  std::fprintf(stderr, "to read the parameters once: %.1f us (K10), %.1f us (K4)\n",
+               1e6 * rbres::bench::read_seconds<10>(), 1e6 * rbres::bench::read_seconds<4>());
   return rbres::bench::run_benchmarks(argc, argv);
 }

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <rbres/nn/nn.hpp>
 #include <string>
+#include <utility>
 #include <vector>
 
 /// What the rows of all libraries share, so that they are measured alike.
@@ -56,6 +57,24 @@ inline double median(std::vector<double> values) {
     passed = thread_seconds() - start;
   }
   return operations / passed;
+}
+
+/// Seconds to read all of a network's parameters once and do nothing with them: no inference is faster.
+template <int Blocks>
+double read_seconds() {
+  using Register = detail::Simd<float>;
+  const Network<Blocks> network(1);
+  std::vector<double> seconds;
+  for (int round = 0; round < 200; ++round) {
+    Register sum[8]{};
+    const double start = thread_seconds();
+    for (const float *from = network.parameters().data(), *end = from + network.block_size / 128 * 128;
+         from < end;)
+      for (Register& s : sum) s += detail::load(std::exchange(from, from + detail::simd_width<float>));
+    for (Register& s : sum) benchmark::DoNotOptimize(s);
+    seconds.push_back(thread_seconds() - start);
+  }
+  return median(seconds);
 }
 
 /// Times `call`, each time beside as long a slice of the processor's peak: other work on the machine, and a

@@ -26,6 +26,13 @@ if(RBRES_SANITIZE)
   target_link_options(rbres_development INTERFACE -fsanitize=${RBRES_SANITIZE})
 endif()
 
+# Instruction sets to build for whatever this machine's: linked last, so that theirs is the last -march.
+foreach(level sse2 avx2)
+  add_library(rbres_${level} INTERFACE)
+endforeach()
+target_compile_options(rbres_sse2 INTERFACE -march=x86-64)
+target_compile_options(rbres_avx2 INTERFACE -march=x86-64-v3)
+
 find_package(OpenMP COMPONENTS CXX)
 
 # rbres_program(NAME SOURCE... [LIBRARIES ...]): one executable of ours.

@@ -14,17 +14,9 @@ template <BodySet Set>
 ScenarioData make_data(const Bench<Set>& bench, Eigen::Index count) {
   const auto folder = bench.store.folder() / "data" / bench.label();
   const auto& horizons = bench.plan.horizons;
-  const auto start = std::chrono::steady_clock::now();
-  Eigen::Index before = -1;
   std::printf("\n%s: %ld scenarios over %g s\n", bench.label().c_str(), static_cast<long>(count),
               horizons.back());
-  write_dataset(folder, bench.sampler(), count, horizons, {}, [&](Eigen::Index done) {
-    if (before < 0) before = done;
-    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    const double left = done > before ? seconds * double(count - done) / double(done - before) : 0.0;
-    std::printf("\r  %ld simulated, %s left ", static_cast<long>(done), clock_text(left).c_str());
-    std::fflush(stdout);
-  });
+  write_dataset(folder, bench.sampler(), count, horizons, {}, ScenarioProgress(count));
   std::printf("\n");
   return read_dataset(folder, bench.sampler(), count, horizons);
 }

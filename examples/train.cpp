@@ -10,7 +10,6 @@ namespace {
 
 using namespace rbres;
 using paper::Architecture, paper::Json, paper::PredictorOf;
-using Clock = std::chrono::steady_clock;
 
 /// The horizons of a data set on disk, s.
 const std::vector<double> horizons{0.02, 0.1, 0.5, 1, 2, 5};
@@ -55,30 +54,15 @@ void check_files(const Options& o) {
   check("--json", o.json, false);
 }
 
-/// Prints how far a work is whose first part, `had`, an earlier run did.
-auto progress(Eigen::Index count) {
-  return [count, start = Clock::now(), had = Eigen::Index{-1}](Eigen::Index done) mutable {
-    if (had < 0) had = done;
-    const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
-    const double left = done > had ? seconds * double(count - done) / double(done - had) : 0;
-    std::printf("\r  %ld of %ld scenarios, %s left ", long(done), long(count),
-                paper::clock_text(left).c_str());
-    std::fflush(stdout);
-  };
-}
-
 template <BodySet Set>
 ScenarioData data_of(const Options& o) {
   const ScenarioSampler<Set> sampler(o.world, 1);
   const TruthOptions truth{.threads = o.training.threads};
   const std::string set = std::string(name(o.world)) + "-" + std::string(name(Set));
   ScenarioData data;
-  auto hear = progress(o.scenarios);
-  const auto hear_progress = [&](Eigen::Index done) { hear(done); };
   if (o.data.empty()) {
     std::printf("%s: simulating %d scenarios over %g s\n", set.c_str(), o.scenarios, o.horizon);
-    hear(0);
-    data = generate(sampler, 0, o.scenarios, {o.horizon}, truth, hear_progress);
+    data = generate(sampler, 0, o.scenarios, {o.horizon}, truth, ScenarioProgress(o.scenarios));
     std::printf("\n");
     return data;
   }
@@ -87,7 +71,7 @@ ScenarioData data_of(const Options& o) {
       detail::refuse("--horizon", "one of 0.02, 0.1, 0.5, 1, 2, 5 where --data makes a data set", o.horizon);
     std::printf("%s: simulating %d scenarios over %g s into %s\n", set.c_str(), o.scenarios, horizons.back(),
                 o.data.c_str());
-    write_dataset(o.data, sampler, o.scenarios, horizons, truth, hear_progress);
+    write_dataset(o.data, sampler, o.scenarios, horizons, truth, ScenarioProgress(o.scenarios));
     std::printf("\n");
   }
   data = read_dataset(o.data, sampler, o.scenarios, {o.horizon}, truth);
@@ -118,16 +102,11 @@ void train(const Options& o, const ScenarioData& data) {
   if (o.resume) load_checkpoint(o.checkpoint, trainer, made_from);
 
   std::printf("%s, %s, %g s ahead: %ld scenarios to train on, %ld to validate, %ld to test\n",
-              paper::name(A).c_str(), paper::name(o.target).c_str(), o.horizon, long(n - 2 * tenth),
-              long(tenth), long(tenth));
+              paper::name(A).c_str(), paper::name(o.target).c_str(), o.horizon,
+              static_cast<long>(n - 2 * tenth), static_cast<long>(tenth), static_cast<long>(tenth));
   if (o.resume) std::printf("  resumed after epoch %d\n", static_cast<int>(trainer.state().progress.epoch));
   const TrainingStatus status = trainer.train([&](const EpochReport& r) {
-    std::printf(
-        "\r  epoch %3d/%d   training loss %8.4f   validation loss %8.4f (best %8.4f)   %6.0f samples/s   %s "
-        "left ",
-        static_cast<int>(r.epoch), r.epochs, r.train_loss, r.validation_loss, r.best_loss,
-        r.samples_per_second, paper::clock_text(r.seconds_left).c_str());
-    std::fflush(stdout);
+    print_progress(r);
     if (!o.checkpoint.empty()) save_checkpoint(o.checkpoint, trainer, made_from);
     return true;
   });
@@ -150,7 +129,8 @@ void train(const Options& o, const ScenarioData& data) {
     return predictor.predict(state, wrench, present);
   });
   const Metrics flow = error(ContactFree{free_flow<Set>(), o.horizon});
-  std::printf("%g s ahead, %ld test scenarios, mean square errors per component\n", o.horizon, long(tenth));
+  std::printf("%g s ahead, %ld test scenarios, mean square errors per component\n", o.horizon,
+              static_cast<long>(tenth));
   std::printf("  %-18s %12s %12s %12s %12s %10s %8s\n", "", "position", "orientation", "velocity",
               "ang. vel.", "angle deg", "ECE %");
   print_row("model", model);
@@ -167,17 +147,7 @@ void train(const Options& o, const ScenarioData& data) {
 template <BodySet Set>
 void run(const Options& o) {
   const ScenarioData data = data_of<Set>(o);
-  using enum Architecture;
-  switch (o.architecture) {
-    case residual10:
-      return train<residual10, Set>(o, data);
-    case residual4:
-      return train<residual4, Set>(o, data);
-    case forward4:
-      return train<forward4, Set>(o, data);
-    default:
-      return train<shallow, Set>(o, data);
-  }
+  paper::with_architecture(o.architecture, [&](auto a) { train<a(), Set>(o, data); });
 }
 
 /// An option that takes one of some names.

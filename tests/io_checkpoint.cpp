@@ -216,6 +216,12 @@ TEST_CASE("malformed checkpoints are refused and change nothing") {
   CHECK(contains(changed(3, ~0ull), "expected the progress of a run"));
   CHECK(contains(changed(4, 4), "expected the progress of a run"));  // diverged
   CHECK(contains(changed(4, 1ull << 32), "expected the progress of a run"));
+  // Best weights, moments and newest weights follow: the last moment is read last.
+  std::string bytes = valid;
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  std::memcpy(bytes.data() + 8 + header + 5 * 8 + (3 * SmallRun::Net::parameter_count - 1) * 4, &nan, 4);
+  write_bytes(path, bytes);
+  CHECK(contains(error_of([&] { read(path); }), "tensor 'moments.1."));
   CHECK(same_bits(target.network(), before));
   CHECK(changed(0, 0) == "");
   CHECK(!same_bits(target.network(), before));

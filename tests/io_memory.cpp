@@ -24,7 +24,7 @@ constexpr std::size_t header = 64;
 
 void* allocate(std::size_t size) {
   auto* memory = static_cast<char*>(std::aligned_alloc(header, (size + 2 * header - 1) / header * header));
-  if (memory == nullptr) throw std::bad_alloc();
+  if (memory == nullptr) std::abort();
   std::memcpy(memory, &size, sizeof size);
   ++allocations.count;
   allocations.largest = std::max(allocations.largest, size);
@@ -45,6 +45,9 @@ void release(void* at) noexcept {
 // Out of line: g++ 12 takes an inlined pair for a mismatch of malloc and delete.
 [[gnu::noinline]] void* operator new(std::size_t size) { return allocate(size); }
 [[gnu::noinline]] void* operator new(std::size_t size, std::align_val_t) { return allocate(size); }
+[[gnu::noinline]] void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
+  return allocate(size);
+}
 [[gnu::noinline]] void operator delete(void* at) noexcept { release(at); }
 [[gnu::noinline]] void operator delete(void* at, std::size_t) noexcept { release(at); }
 [[gnu::noinline]] void operator delete(void* at, std::align_val_t) noexcept { release(at); }

@@ -85,3 +85,23 @@ TEST_CASE("lanes give what single runs give") {
     check(difference<Pack<float, 16>>(boxes, mode, 150), 5e-4);
   }
 }
+
+TEST_CASE("a discrete impact changes velocities in its own lane only, to the bit") {
+  using P = Pack<double, 2>;
+  const auto system = spheres.template cast<P>();
+  SystemState<P, bodies> y;
+  for (int i = 0; i < bodies; ++i) {
+    y[i].position = {P(i), P(0), P(1)};
+    y[i].orientation = {P(0.1), P(0.5), P(-0.7), P(0.5)};
+    y[i].angular_velocity = {P(0.3), P(-0.7), P(1.1)};
+  }
+  y[1].position.z = select(LaneMask<double, 2>(typename LaneMask<double, 2>::Vector{-1, 0}), P(0.2), P(1));
+  y[1].velocity.z = P(-1);
+  const auto before = y;
+  ContactTally<P> tally;
+  detail::meet_all(system, before, y, P(5e-3), tally);
+  CHECK(tally.impacts[0] == 1);
+  CHECK(tally.impacts[1] == 0);
+  CHECK(lane(y, 0)[1].velocity.z > 0);
+  CHECK(lane(y, 1) == lane(before, 1));
+}

@@ -111,6 +111,7 @@ TEST_CASE("killed and resumed is unbroken") {
   CHECK(outcome.err == "");
   REQUIRE(outcome.status == 0);
   CHECK(contains(outcome.out, "resumed after epoch "));
+  CHECK(!contains(outcome.out, "epoch   4/60"));  // or it began anew
   CHECK(read_bytes(folder / "resumed") == read_bytes(folder / "unbroken"));
   // A run that is done is only evaluated again.
   REQUIRE(train(folder, options + "--checkpoint run --resume --out again --threads 2").status == 0);

@@ -1,6 +1,7 @@
 // Trains and measures one unit of the plan.
 #pragma once
 
+#include "../common/progress.hpp"
 #include "measure.hpp"
 
 namespace paper {
@@ -26,12 +27,6 @@ struct NetworkOf<Architecture::shallow> {
 
 template <Architecture A>
 using PredictorOf = Predictor<typename NetworkOf<A>::type, 5>;
-
-inline std::string clock_text(double seconds) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%d:%02d", static_cast<int>(seconds) / 60, static_cast<int>(seconds) % 60);
-  return text;
-}
 
 /// Trains by the unit's protocol, saves the predictor, and measures it. A checkpoint every few seconds; with
 /// it goes the curve so far, which may be an epoch ahead.
@@ -62,12 +57,7 @@ Json train_unit(const Unit& unit, const Bench<Set>& bench) {
   auto saved = start;
   trainer.train([&](const EpochReport& r) {
     curve.push_back({r.epoch, r.train_loss, r.validation_loss, before + since(start)});
-    std::printf(
-        "\r  epoch %3d/%d   training loss %8.4f   validation loss %8.4f (best %8.4f)   %6.0f samples/s   %s "
-        "left ",
-        static_cast<int>(r.epoch), r.epochs, r.train_loss, r.validation_loss, r.best_loss,
-        r.samples_per_second, clock_text(r.seconds_left).c_str());
-    std::fflush(stdout);
+    print_progress(r);
     if (since(saved) > 4) {
       write_text(curve_file, curve.dump());
       save_checkpoint(checkpoint, trainer, made_from);

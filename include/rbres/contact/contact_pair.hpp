@@ -40,8 +40,10 @@ struct ContactPair {
   static constexpr bool central = BodyPair::central && PlanePair::central;
   using Motions = std::array<Motion<S>, System::bodies>;
 
+  using Contact = Manifold<S, int(points), central>;
+
   Candidate who;
-  Manifold<S, int(points), central> manifold;
+  Contact manifold;
   std::array<S, points> speed;  ///< at which each point's gap opens, m/s
   std::array<MaskOf<S>, points> touching, held;
   MaskOf<S> any_held;
@@ -58,25 +60,26 @@ struct ContactPair {
   Motion<S>& first(Motions& m) const { return m[static_cast<std::size_t>(plane() ? 0 : who.first)]; }
   Motion<S>& second(Motions& m) const { return m[static_cast<std::size_t>(who.second)]; }
 
-  void set_geometry(const System& system, const typename System::State& y) {
+  /// How the two meet in this state.
+  void find(const System& system, const typename System::State& y, Contact& contact) const {
     with_manifold(system, y, who.first, who.second, [&](const auto& m, auto) {
-      manifold.normal = m.normal;
-      manifold.separation = m.separation;
+      contact.normal = m.normal;
+      contact.separation = m.separation;
       for (std::size_t i = 0; i < points; ++i) {
-        manifold.gap[i] = i < m.points ? m.gap[i] : S(m.none);
-        if (i < m.points) manifold.point[i] = m.point[i];
+        contact.gap[i] = i < m.points ? m.gap[i] : S(m.none);
+        if (i < m.points) contact.point[i] = m.point[i];
       }
     });
   }
-  /// Speed at which the gap at one point opens, m/s.
-  S opening(std::size_t i, const Motions& motion) const {
+  /// Speed at which the gap at one point of `contact` opens, m/s.
+  S opening(const Contact& contact, std::size_t i, const Motions& motion) const {
     const auto at = [&](int body) {
       const Motion<S>& m = motion[static_cast<std::size_t>(body)];
-      return m.velocity + cross(m.angular_velocity, manifold.point[i] - m.position);
+      return m.velocity + cross(m.angular_velocity, contact.point[i] - m.position);
     };
     Vec3<S> v = at(who.second);
     if (!plane()) v -= at(who.first);
-    return dot(manifold.normal, v);
+    return dot(contact.normal, v);
   }
 };
 

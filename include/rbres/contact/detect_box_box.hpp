@@ -94,7 +94,12 @@ Manifold<S, 12> detect(const Box<S>& a, const Pose<S>& pa, const Box<S>& b, cons
     for (std::size_t j = 0; j < 3; ++j) cosine[i][j] = dot(fa[i].normal, fb[j].normal);
   }
 
-  S face_gap(-Manifold<S, 12>::none);
+  const S size =
+      minimum(minimum(a.half.x, minimum(a.half.y, a.half.z)), minimum(b.half.x, minimum(b.half.y, b.half.z)));
+  // Faces that lie flat are equally good: the first keeps its place, or points would change theirs from step
+  // to step.
+  const S clearly = as<S>(1e-5) * size;
+  S face_gap(-Manifold<S, 12>::none), largest = face_gap;
   detail::Face<S> reference = fa[0];
   MaskOf<S> reference_is_b(false);
   for (std::size_t i = 0; i < 3; ++i) {
@@ -104,11 +109,12 @@ Manifold<S, 12> detect(const Box<S>& a, const Pose<S>& pa, const Box<S>& b, cons
       ga -= fb[j].half_normal * abs(cosine[i][j]);
       gb -= fa[j].half_normal * abs(cosine[j][i]);
     }
-    const MaskOf<S> better_a = ga > face_gap;
+    largest = maximum(largest, maximum(ga, gb));
+    const MaskOf<S> better_a = ga > face_gap + clearly;
     face_gap = select(better_a, ga, face_gap);
     reference = select(better_a, fa[i], reference);
     reference_is_b = reference_is_b & !better_a;
-    const MaskOf<S> better_b = gb > face_gap;
+    const MaskOf<S> better_b = gb > face_gap + clearly;
     face_gap = select(better_b, gb, face_gap);
     reference = select(better_b, fb[i], reference);
     reference_is_b = reference_is_b | better_b;
@@ -136,11 +142,9 @@ Manifold<S, 12> detect(const Box<S>& a, const Pose<S>& pa, const Box<S>& b, cons
   }
 
   // Edges must win by more than rounding, or boxes that lie flat would lose their face.
-  const S size =
-      minimum(minimum(a.half.x, minimum(a.half.y, a.half.z)), minimum(b.half.x, minimum(b.half.y, b.half.z)));
   const MaskOf<S> by_edge = edge_gap > face_gap + as<S>(1e-4) * size;
 
-  Manifold<S, 12> m{{}, maximum(face_gap, edge_gap), {}, {}};
+  Manifold<S, 12> m{{}, maximum(largest, edge_gap), {}, {}};
   const S side = select(reference_is_b, S(-1), S(1));  // from the reference box to the other
   reference.normal =
       select(side * dot(between, reference.normal) < S(0), -reference.normal, reference.normal);

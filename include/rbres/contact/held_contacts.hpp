@@ -1,12 +1,13 @@
 #pragma once
 
+#include <limits>
 #include <rbres/contact/contact_pair.hpp>
 #include <vector>
 
 namespace rbres::detail {
 
-/// The contacts that rest, slide or roll, and the impulses that hold them: projected Gauss-Seidel over all of
-/// their points, to and fro. It starts from the forces of the step before, so that a stack at rest takes a
+/// The contacts that rest, slide or roll, and the impulses that hold them: found by relaxing their points in
+/// turn. It starts from the forces of the step before, so that a stack at rest takes a
 /// sweep or two.
 template <class System>
 class HeldContacts {
@@ -16,14 +17,16 @@ class HeldContacts {
 
  public:
   explicit HeldContacts(const System& system) : planes_(static_cast<long>(system.planes().size())) {
-    // More than 6 N pairs of bodies do not touch at once unless they overlap.
+    // Twice what equal balls can reach: none has more than twelve neighbours.
     const std::size_t N = System::bodies;
-    const std::size_t most = Pair::points * (std::min(N * (N - 1) / 2, 6 * N) + N * system.planes().size());
+    const std::size_t most = Pair::points * (std::min(N * (N - 1) / 2, 12 * N) + N * system.planes().size());
     rows_.reserve(most);
     last_.reserve(most);
+    next_.reserve(most);
   }
 
-  bool empty() const { return rows_.empty(); }
+  /// Whether there is no room for another pair: memory is never asked for.
+  bool full() const { return rows_.size() + Pair::points > rows_.capacity(); }
   void clear() { rows_.clear(); }
   /// Forgets the forces of the step before, except in the lanes where `same` holds.
   void forget_unless(const MaskOf<S>& same) {
@@ -32,8 +35,9 @@ class HeldContacts {
     }
   }
 
-  /// Takes up the held points of a pair.
+  /// Takes up the held points of a pair, if there is room.
   void add(const Pair& pair, Motions& motion) {
+    if (full()) return;
     for (std::size_t i = 0; i < Pair::points; ++i) {
       if (!any(pair.held[i])) continue;
       Row row;
@@ -41,7 +45,7 @@ class HeldContacts {
       row.key = key(pair.who, i);
       row.active = pair.held[i];
       row.gap = pair.manifold.gap[i];
-      row.leaving = maximum(pair.speed[i], S(0));
+      row.leaving = pair.speed[i];
       row.friction = pair.surface.friction;
       const Vec3<S>&normal = pair.manifold.normal, &point = pair.manifold.point[i];
       if (pair.plane()) {
@@ -63,18 +67,35 @@ class HeldContacts {
       std::array<S, 3> impulse;
       for (std::size_t d = 0; d < 3; ++d)
         impulse[d] = select(row.active, S(duration * last_[at].force[d]), S(0));
-      with(row, motion, [&](auto& point, auto& a, auto& b) { point.start(impulse, a, b); });
+      with(row, motion, [&](auto& point, auto& a, auto& b) { point.add(impulse, a, b); });
     }
   }
-  /// Keeps the forces for the next step; those over less than `shortest` (s) are rounding, and dropped.
+  /// Keeps the forces for the next step; those over less than `shortest` (s) are rounding, and dropped. Lanes
+  /// without a duration keep what they have.
   void remember(const S& duration, const S& shortest) {
-    const MaskOf<S> lasts = duration > shortest;
+    const MaskOf<S> open = duration > S(0), lasts = duration > shortest;
     const S rate = select(lasts, S(S(1) / select(lasts, duration, S(1))), S(0));
-    last_.clear();
+    const auto keep = [&](const Last& old, const std::array<S, 3>& force) {
+      Last kept{old.key, {}};
+      for (std::size_t d = 0; d < 3; ++d) kept.force[d] = select(open, force[d], old.force[d]);
+      if (next_.size() < next_.capacity()) next_.push_back(kept);
+    };
+    next_.clear();
+    std::size_t at = 0;
+    const auto keep_until = [&](long key) {
+      for (; at < last_.size() && last_[at].key < key; ++at) {
+        if (!all(open)) keep(last_[at], {S(0), S(0), S(0)});
+      }
+    };
     for (const Row& row : rows_) {
-      const auto& impulse = row.who.first < 0 ? row.fixed.impulse() : row.free.impulse();
-      last_.push_back({row.key, {rate * impulse[0], rate * impulse[1], rate * impulse[2]}});
+      keep_until(row.key);
+      const auto& impulse = row.impulse();
+      const bool known = at < last_.size() && last_[at].key == row.key;
+      keep(known ? last_[at++] : Last{row.key, {S(0), S(0), S(0)}},
+           {rate * impulse[0], rate * impulse[1], rate * impulse[2]});
     }
+    keep_until(std::numeric_limits<long>::max());
+    std::swap(last_, next_);
   }
 
   /// Changes the velocities in `motion` until no held point approaches; less `pull` (1/s) times its gap, so
@@ -96,8 +117,11 @@ class HeldContacts {
     long key;
     MaskOf<S> active;
     S gap, leaving, friction;
-    ContactPoint<S, false> free;  ///< between two bodies
-    ContactPoint<S, true> fixed;  ///< with a plane
+    ContactPoint<S, false> free;   ///< between two bodies
+    ContactPoint<S, true> fixed;   ///< with a plane
+    std::array<S, 3> before, way;  ///< impulse before a round, and the way it has gone, N s
+
+    const std::array<S, 3>& impulse() const { return who.first < 0 ? fixed.impulse() : free.impulse(); }
   };
   struct Last {
     long key;
@@ -107,20 +131,49 @@ class HeldContacts {
   static S target(const Row& row, const S& pull, bool landing) {
     return -pull * row.gap - (landing ? row.leaving : S(0));
   }
+  /// Sweeps to and fro, each time going on along the way so far: nonlinear conjugate gradients over projected
+  /// Gauss-Seidel (Silcowitz-Hansen, Niebe, Erleben 2010). Ends with a sweep, so that every law holds.
   template <class Relax>
   void sweep(Motions& motion, const MaskOf<S>& where, const Relax& relax) {
-    constexpr int sweeps = 200;
-    const S enough = as<S>(Constants<S>::touch / 10);  // m/s
+    constexpr int rounds = 100, patience = 12;
+    const S enough = as<S>(0.3 * Constants<S>::touch);  // m/s
     MaskOf<S> working = where;
-    for (int sweep = 0; sweep < sweeps && any(working); ++sweep) {
+    S last_length(0), mark(std::numeric_limits<typename Constants<S>::Real>::max());
+    for (Row& row : rows_) row.way = {S(0), S(0), S(0)};
+    for (int round = 1; round <= rounds; ++round) {
+      for (Row& row : rows_) row.before = row.impulse();
       S worst(0);
-      for (std::size_t k = 0; k < rows_.size(); ++k) {
-        Row& row = rows_[sweep % 2 == 0 ? k : rows_.size() - 1 - k];
-        with(row, motion, [&](auto& point, auto& a, auto& b) {
-          worst = maximum(worst, relax(row, point, a, b, row.active & working));
-        });
+      for (const bool back : {false, true}) {
+        for (std::size_t k = 0; k < rows_.size(); ++k) {
+          Row& row = rows_[back ? rows_.size() - 1 - k : k];
+          with(row, motion, [&](auto& point, auto& a, auto& b) {
+            worst = maximum(worst, relax(row, point, a, b, row.active & working));
+          });
+        }
+        if (!any(working & (worst > enough))) return;
       }
       working = working & (worst > enough);
+      // Points whose targets do not agree push against one another for ever: what is left then stays.
+      if (round % patience == 0) {
+        working = working & (worst < as<S>(0.8) * mark);
+        mark = worst;
+      }
+      if (!any(working) || round == rounds) return;
+      S length(0);
+      for (const Row& row : rows_) {
+        for (std::size_t d = 0; d < 3; ++d) length += square(S(row.impulse()[d] - row.before[d]));
+      }
+      const MaskOf<S> onward = working & (length < last_length);
+      const S share = select(onward, S(length / select(onward, last_length, S(1))), S(0));
+      last_length = length;
+      for (Row& row : rows_) {
+        std::array<S, 3> further;
+        for (std::size_t d = 0; d < 3; ++d) {
+          further[d] = share * row.way[d];
+          row.way[d] = further[d] + (row.impulse()[d] - row.before[d]);
+        }
+        with(row, motion, [&](auto& point, auto& a, auto& b) { point.add(further, a, b); });
+      }
     }
   }
 
@@ -141,7 +194,7 @@ class HeldContacts {
 
   long planes_;
   std::vector<Row> rows_;
-  std::vector<Last> last_;
+  std::vector<Last> last_, next_;
 };
 
 }  // namespace rbres::detail

@@ -49,25 +49,27 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
   // A point that overlaps and leaves comes back when it is as deep again. Where two bodies hold one another,
   // their points cannot be told apart: there a new one shows by a depth that held ones never reach.
   const S allowance = pair.fixed_points() ? S(0) : select(pair.any_held, pair.near, S(0));
-  const auto lowest = [&](const Pair& p) {
+  const auto lowest = [&](const typename Pair::Contact& contact) {
     if (!pair.fixed_points())
-      return S(p.manifold.separation - minimum(pair.manifold.separation, S(0)) + allowance);
+      return S(contact.separation - minimum(pair.manifold.separation, S(0)) + allowance);
     S least = none;
     for (std::size_t i = 0; i < P; ++i) {
-      const S gap = p.manifold.gap[i] - minimum(pair.manifold.gap[i], S(0));
+      const S gap = contact.gap[i] - minimum(pair.manifold.gap[i], S(0));
       least = minimum(least, select(counts[i], gap, none));
     }
     return least;
   };
 
-  Pair after = pair;
-  after.set_geometry(system, end);
-  Approach<S> approach{part, lowest(pair), lowest(after), speed_bound(system, pair.who, start, end),
-                       part, pair.touch,   pair.size};
+  typename Pair::Contact after;
+  pair.find(system, end, after);
+  Approach<S> approach{part,          lowest(pair.manifold),
+                       lowest(after), speed_bound(system, pair.who, start, end),
+                       part,          pair.touch,
+                       pair.size};
   MaskOf<S> dips(!pair.fixed_points());
   for (std::size_t i = 0; i < P; ++i) {
     if (!any(counts[i])) continue;
-    const S later = after.opening(i, end_motion);
+    const S later = pair.opening(after, i, end_motion);
     const MaskOf<S> came = pair.speed[i]<S(0), leaves = later> S(0);
     dips = dips | (counts[i] & came & leaves);
     // A point that has just left is apart when gravity has turned it round, if that comes soon.
@@ -82,14 +84,14 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
   const MaskOf<S> search = counted & (ends_below | (dips & near));
   if (!any(search)) return part;
 
-  Pair probe = pair;
+  typename Pair::Contact probe;
   typename System::State at = start;
   MaskOf<S> found(false);
   const auto gap = [&](const S& when) {
     for (const int i : {pair.who.first, pair.who.second}) {
       if (i >= 0) at[i] = interpolate(start[i], end[i], part, when);
     }
-    probe.set_geometry(system, at);
+    pair.find(system, at, probe);
     return lowest(probe);
   };
   const S time = time_of_impact(approach, search, gap, found);

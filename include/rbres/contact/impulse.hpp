@@ -108,10 +108,12 @@ class ContactPoint {
     return maximum(off, S(tangent_response_ * (abs(change_u) + abs(change_v))));
   }
 
-  /// Begins with an impulse that is guessed (N s).
-  void start(const std::array<S, 3>& impulse, Motion<S>& first, Motion<S>& second) {
-    impulse_ = impulse;
-    for (std::size_t d = 0; d < 3; ++d) push(d, impulse[d], first, second);
+  /// Adds an impulse that is guessed (N s).
+  void add(const std::array<S, 3>& impulse, Motion<S>& first, Motion<S>& second) {
+    for (std::size_t d = 0; d < 3; ++d) {
+      impulse_[d] += impulse[d];
+      push(d, impulse[d], first, second);
+    }
   }
   /// Impulse along the normal and the two tangents, N s.
   const std::array<S, 3>& impulse() const { return impulse_; }

@@ -184,8 +184,7 @@ auto read_samples(const std::filesystem::path& path, std::vector<Eigen::Index> s
 /// holds a data set of another setting, or other files: nothing is then overwritten.
 template <BodySet Set, class Progress>
 void write_dataset(const std::filesystem::path& path, const ScenarioSampler<Set>& sampler, Eigen::Index count,
-                   const std::vector<double>& horizons, const TruthOptions& options,
-                   const Progress& progress) {
+                   const std::vector<double>& horizons, const TruthOptions& options, Progress&& progress) {
   if (count < 1) detail::refuse("number of scenarios", "1 or more", count);
   detail::check_horizons(horizons, options.sample_rate);
   const detail::DatasetFolder folder(path);

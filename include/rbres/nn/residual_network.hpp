@@ -34,8 +34,8 @@ using ResidualNetwork =
                         In, Width, Blocks, Out,
                         Sequential<Residual<Linear<Width, Width>, Relu, Dropout, Linear<Width, Width>>>>>;
 
-/// The baseline: the same Linear layers without skips, and as is usual without them, a ReLU after each but
-/// the last.
+/// The baseline: the same Linear layers without skips, and as is usual without them a ReLU after every Linear
+/// but the last: Linear, ReLU, Blocks times drop(relu(W1 x + b1)), relu(W2 x + b2), Linear.
 template <class Scalar, int In, int Width, int Blocks, int Out>
 using FeedForwardNetwork =
     Network<Scalar, detail::BlockNetwork<

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <rbres/contact/held_contacts.hpp>
 #include <rbres/contact/impact_search.hpp>
 #include <rbres/dynamics/free_flight.hpp>
@@ -110,12 +111,15 @@ class ContinuousContact {
     std::array<S, N> reach;
     for (int i = 0; i < N; ++i) {
       // The path stays near its chord: a constant acceleration leaves it by an eighth of its velocity change.
-      reach[index(i)] = system_[i].bounding_radius() * as<S>(1.001) + norm(free[i].position - y[i].position) +
-                        as<S>(0.5) * left * norm(free[i].velocity - y[i].velocity);
+      const S way =
+          norm(free[i].position - y[i].position) + as<S>(0.5) * left * norm(free[i].velocity - y[i].velocity);
+      // Nothing meets a body whose reach is NaN: lanes that are done need no pairs.
+      reach[index(i)] = select(left > S(0), S(system_[i].bounding_radius() * as<S>(1.001) + way),
+                               S(std::numeric_limits<typename Constants<S>::Real>::quiet_NaN()));
     }
     pairs_.clear();
     for (const Candidate& who : broad_.find(system_, y, reach)) {
-      Pair pair{};
+      Pair& pair = pairs_.emplace_back();
       pair.who = who;
       pair.surface = detail::surface_of(system_, who.first, who.second);
       pair.size = system_[who.second].bounding_radius();
@@ -125,17 +129,16 @@ class ContinuousContact {
       // A perfectly elastic contact never comes to rest by bouncing.
       pair.rest_speed = select(pair.surface.restitution < S(1), as<S>(options_.rest_speed), as<S>(1e-7));
       pair.still = minimum(pair.rest_speed, as<S>(100 * Constants<S>::touch));
-      pairs_.push_back(pair);
     }
   }
 
   void measure(const State& y, const MaskOf<S>& running) {
     for (int i = 0; i < N; ++i) motion_[index(i)] = motion_of(system_[i], y[i]);
     for (Pair& pair : pairs_) {
-      pair.set_geometry(system_, y);
+      pair.find(system_, y, pair.manifold);
       for (std::size_t i = 0; i < P; ++i) {
         pair.touching[i] = running & (pair.manifold.gap[i] <= pair.touch);
-        pair.speed[i] = pair.opening(i, motion_);
+        pair.speed[i] = pair.opening(pair.manifold, i, motion_);
       }
     }
   }
@@ -180,11 +183,12 @@ class ContinuousContact {
     held_.clear();
     MaskOf<S> held(false);
     for (Pair& pair : pairs_) {
+      const MaskOf<S> room(!held_.full());  // pairs that find none bounce instead
       pair.any_held = MaskOf<S>(false);
       for (std::size_t i = 0; i < P; ++i) {
         const MaskOf<S> close = pair.manifold.gap[i] <= pair.near;
         const MaskOf<S> slow = square(pair.speed[i]) <= square(pair.rest_speed);
-        pair.held[i] = running & close & slow;
+        pair.held[i] = running & close & slow & room;
         pair.any_held = pair.any_held | pair.held[i];
       }
       held = held | pair.any_held;
@@ -209,7 +213,7 @@ class ContinuousContact {
     held_.clear();
     for (Pair& pair : pairs_) {
       if (!any(pair.any_held)) continue;
-      for (std::size_t i = 0; i < P; ++i) pair.speed[i] = pair.opening(i, motion_);
+      for (std::size_t i = 0; i < P; ++i) pair.speed[i] = pair.opening(pair.manifold, i, motion_);
       held_.add(pair, motion_);
     }
     return slow;
@@ -242,7 +246,7 @@ class ContinuousContact {
     for (int i = 0; i < N; ++i) motion_[index(i)] = motion_of(system_[i], end[i]);
     for (Pair& pair : pairs_) {
       if (!any(pair.any_held)) continue;
-      pair.set_geometry(system_, end);
+      pair.find(system_, end, pair.manifold);
       if (!pair.fixed_points()) {  // they may have changed places
         for (std::size_t i = 0; i < P; ++i) {
           const MaskOf<S> near = pair.manifold.gap[i] <= pair.near;

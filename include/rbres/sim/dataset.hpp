@@ -134,13 +134,12 @@ void generate_piece(const ScenarioSampler<Set>& sampler, std::uint64_t first, Ei
 }  // namespace detail
 
 /// Simulates scenarios first ... first + count - 1 of a sampler up to each horizon (s, increasing), piece by
-/// piece; progress(done) is called after each. A scenario's column depends on nothing but the sampler, its
-/// number and the options. Throws Error where a horizon is no whole number of samples, or truth met a number
-/// that is not finite.
+/// piece; progress(done) is called at the start and after each. A scenario's column depends on nothing but
+/// the sampler, its number and the options. Throws Error where a horizon is no whole number of samples, or
+/// truth met a number that is not finite.
 template <BodySet Set, class Progress>
 ScenarioData generate(const ScenarioSampler<Set>& sampler, std::uint64_t first, Eigen::Index count,
-                      const std::vector<double>& horizons, const TruthOptions& options,
-                      const Progress& progress) {
+                      const std::vector<double>& horizons, const TruthOptions& options, Progress&& progress) {
   if (count < 1) detail::refuse("number of scenarios", "1 or more", count);
   detail::check_horizons(horizons, options.sample_rate);
   const auto n = static_cast<std::size_t>(count);
@@ -153,6 +152,7 @@ ScenarioData generate(const ScenarioSampler<Set>& sampler, std::uint64_t first, 
       std::vector<Family>(n),
       std::vector<float>(n, std::numeric_limits<float>::infinity()),
       decltype(ScenarioData::impacts)::Zero(static_cast<Eigen::Index>(horizons.size()), count)};
+  progress(Eigen::Index{0});
   for (Eigen::Index start = 0; start < count; start += detail::scenario_piece) {
     const Eigen::Index size = std::min(detail::scenario_piece, count - start);
     detail::generate_piece(sampler, first, start, size, options, data);

@@ -24,6 +24,23 @@ namespace rbres {
 /// rad/s). Room. 5 x 5 x 5 m, floor at z = 0. Families by i mod 2: `drop` (let go 0.6 to 3 m above the floor:
 /// velocities N(0, 0.5 m/s), spins N(0, 1 rad/s)), `scatter` (anywhere in the room, thrown at 2 to 6 m/s in
 /// any direction, spins N(0, 3 rad/s)).
+///
+/// Share of scenarios, %, that have had a contact (the first impact of truth, to within a sample of 20 ms) by
+/// each horizon; of seed 1, the first 10,000 scenarios of a world and set, in the room with boxes the first
+/// 600:
+///                             0.02 s  0.1 s  0.5 s    1 s    2 s    5 s
+///     free, standard  flight    0       0      0       0      0      0
+///                     pair      0.1     2.1   19.5    46.2   68.1   68.6
+///                     cluster   0.2     2.2   44.4    95.1   99.6   99.6
+///     free, box       flight    0       0      0       0      0      0
+///                     pair      0       0.7   16.7    35.4   46.4   47.9
+///                     cluster   0       0.8   43.3    87.3   95.1   95.1
+///     room, standard  drop      0       4.2   88.9   100    100    100
+///                     scatter   6.5    40.2   96.1   100    100    100
+///     room, box       drop      0       0.7   88.3   100    100    100
+///                     scatter   0.7    27.3   94.7   100    100    100
+/// Pairs are aimed as if there were no air and no damping, which bend their paths: so many miss. Boxes fill
+/// their bounding balls, by which all are aimed, in part only.
 inline constexpr std::string_view scenario_version = "standard-1";
 
 enum class World { free_space, room };
