@@ -210,8 +210,8 @@ TEST_CASE("contacts come as the page of the scenarios says") {
     CAPTURE(page);
     CHECK(std::abs(share - page) <= 4 * std::sqrt(page * (1 - page) / count) + 1e-9);
   };
-  auto free = contact_shares<BodySet::standard>(World::free_space, 360, {0.5, 1, 2.1});
-  CHECK(free[Family::flight] == std::vector<double>{0, 0, 0});
+  auto free = contact_shares<BodySet::standard>(World::free_space, 360, {0.5, 1, 2.1, 5});
+  CHECK(free[Family::flight] == std::vector<double>{0, 0, 0, 0});
   near(free[Family::pair][0], 0.230, 120);
   CHECK(free[Family::pair][2] >= 0.99);
   near(free[Family::cluster][0], 0.512, 120);
@@ -222,8 +222,8 @@ TEST_CASE("contacts come as the page of the scenarios says") {
   near(room[Family::scatter][1], 0.402, 120);
   CHECK(room[Family::drop].back() == 1);
   CHECK(room[Family::scatter].back() == 1);
-  auto boxes = contact_shares<BodySet::box>(World::free_space, 180, {0.5, 1, 2.1});
-  CHECK(boxes[Family::flight] == std::vector<double>{0, 0, 0});
+  auto boxes = contact_shares<BodySet::box>(World::free_space, 180, {0.5, 1, 2.1, 5});
+  CHECK(boxes[Family::flight] == std::vector<double>{0, 0, 0, 0});
   near(boxes[Family::pair][1], 0.662, 60);
   CHECK(boxes[Family::pair][2] >= 0.99);
   CHECK(boxes[Family::cluster][2] >= 0.99);
