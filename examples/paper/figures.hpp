@@ -48,14 +48,14 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
       auto& group = method.starts_with("RK4") ? rk4 : trivial;
       group.labels.push_back(method.starts_with("RK4") ? method.substr(4) : method);
       group.x.push_back(us(method));
-      group.y.push_back(m["position"]);
+      group.y.push_back(number(m["position"]));
     }
     for (const Unit& u : plan.units) {
       if (u.world != world || u.set != BodySet::standard || u.horizon != h || u.seed != 1) continue;
       const Json& m = results["networks"][name(u, plan)];
       networks.labels.push_back(method_of(u));
       networks.x.push_back(us(method_of(u)));
-      networks.y.push_back(m["position"]);
+      networks.y.push_back(number(m["position"]));
     }
     drawn &= figures::draw_trade_off(
         figure("error_against_cost-" + label, "Error against cost, " + ahead.str(),
@@ -65,7 +65,8 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
     // Rollouts.
     std::vector<figures::Curve> curves;
     for (const auto& [method, m] : results["rollout"][label].items()) {
-      if (method != "time") curves.push_back({method, results["rollout"][label]["time"], m["position"]});
+      if (method != "time")
+        curves.push_back({method, results["rollout"][label]["time"], numbers(m["position"])});
     }
     drawn &= figures::draw_curves(
         figure("rollout-" + label, "Rollouts, " + where, "time, s", "mean square position error, m²"), curves,
@@ -76,12 +77,12 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
     const Json& shown = results["networks"][name(*unit, plan)];
     drawn &= figures::draw_agreement(figure("velocity-" + label, "Velocity after contacts, " + ahead.str(),
                                             "actual, m/s", "predicted, m/s"),
-                                     shown["velocity_pairs"]["actual"], shown["velocity_pairs"]["predicted"],
-                                     0.5, "m/s");
+                                     numbers(shown["velocity_pairs"]["actual"]),
+                                     numbers(shown["velocity_pairs"]["predicted"]), 0.5, "m/s");
     figures::Curve train{"training", {}, {}}, validation{"validation", {}, {}};
     for (const Json& point : shown["curve"]) {
       train.x.push_back(point[0]), validation.x.push_back(point[0]);
-      train.y.push_back(point[1]), validation.y.push_back(point[2]);
+      train.y.push_back(number(point[1])), validation.y.push_back(number(point[2]));
     }
     drawn &= figures::draw_curves(figure("training-" + label, "Training, " + ahead.str(), "epoch",
                                          "mean over samples of the squared normalised error"),
@@ -95,7 +96,7 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
       if (family == "no collision" || family == "one collision" || q["count"] == 0) continue;
       families.push_back(family);
       const auto add = [&](std::size_t i, const Json& f) {
-        series[i].quartiles.push_back({f["low"], f["median"], f["high"]});
+        series[i].quartiles.push_back({number(f["low"]), number(f["median"]), number(f["high"])});
       };
       add(0, q);
       add(1, baselines["contact-free flow"]["families"][family]);

@@ -6,6 +6,8 @@
 
 namespace paper {
 
+inline std::string digits(const Json& x) { return digits(number(x)); }
+
 /// Mean and standard deviation (of n - 1) over seeds.
 struct OverSeeds {
   double mean = std::numeric_limits<double>::quiet_NaN(), deviation = 0;
@@ -36,10 +38,7 @@ struct Method {
   /// A figure over the seeds: value("/position").
   OverSeeds value(const std::string& pointer) const {
     std::vector<double> values;
-    for (const Json* seed : seeds) {
-      const Json& x = seed->at(Json::json_pointer(pointer));
-      values.push_back(x.is_number() ? x.get<double>() : std::numeric_limits<double>::quiet_NaN());
-    }
+    for (const Json* seed : seeds) values.push_back(number(seed->at(Json::json_pointer(pointer))));
     return OverSeeds(values);
   }
 };

@@ -62,7 +62,6 @@ inline Table floor_table(const Plan& plan, const Json& results, const Place& pla
               {},
               ""};
   const Json& floors = results.at("floor").at(place.label());
-  const auto number = [](const Json& x) { return x.is_number() ? digits(x.get<double>()) : "-"; };
   for (const auto& [family, unused] : floors.at("0").at("contacts").items()) {
     table.head.push_back(family + ": median (upper quartile)");
     table.head.push_back("had a contact %");
@@ -70,12 +69,12 @@ inline Table floor_table(const Plan& plan, const Json& results, const Place& pla
   }
   for (std::size_t h = 0; h < plan.horizons.size(); ++h) {
     const Json& at = floors.at(std::to_string(h));
-    std::vector<std::string> row{seconds(plan.horizons[h]), number(at["all"]["position"]),
-                                 number(at["all"]["all_scenarios"]["median"]),
-                                 number(at["all"]["all_scenarios"]["high"]), number(at["all"]["angle_deg"])};
+    std::vector<std::string> row{seconds(plan.horizons[h]), digits(at["all"]["position"]),
+                                 digits(at["all"]["all_scenarios"]["median"]),
+                                 digits(at["all"]["all_scenarios"]["high"]), digits(at["all"]["angle_deg"])};
     for (const auto& [family, contacts] : at.at("contacts").items()) {
       const Json& q = at["all"]["families"][family];
-      row.push_back(number(q["median"]) + " (" + number(q["high"]) + ")");
+      row.push_back(digits(q["median"]) + " (" + digits(q["high"]) + ")");
       row.push_back(percent(contacts["share"]));
       row.push_back(percent(contacts["several"]));
     }

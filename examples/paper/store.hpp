@@ -12,6 +12,16 @@ namespace paper {
 
 using Json = nlohmann::ordered_json;
 
+/// Numbers that are not finite are null in JSON: here they are NaN.
+inline double number(const Json& x) {
+  return x.is_number() ? x.get<double>() : std::numeric_limits<double>::quiet_NaN();
+}
+inline std::vector<double> numbers(const Json& array) {
+  std::vector<double> all;
+  for (const Json& x : array) all.push_back(number(x));
+  return all;
+}
+
 /// Writes a text file atomically.
 inline void write_text(const std::filesystem::path& path, const std::string& text) {
   rbres::AtomicFile file(path);

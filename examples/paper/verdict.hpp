@@ -69,7 +69,7 @@ inline OverSeeds error_ratio(const Method& other, const Method& network, const Q
   for (std::size_t s = 0; s < network.seeds.size(); ++s) {
     const Json::json_pointer pointer(q.pointer);
     const Json& theirs = *other.seeds[std::min(s, other.seeds.size() - 1)];
-    ratios.push_back(theirs.at(pointer).get<double>() / network.seeds[s]->at(pointer).get<double>());
+    ratios.push_back(number(theirs.at(pointer)) / number(network.seeds[s]->at(pointer)));
   }
   return OverSeeds(ratios);
 }
@@ -110,7 +110,7 @@ inline Table better_table(const Plan& plan, Json& results, const Place& place) {
 /// Up to which time the network's cumulative error is below that of RK4, step by step.
 inline std::string cumulative_verdict(const Json& rollout, const std::vector<double>& times) {
   const auto cumulative = [&](const std::string& method) {
-    std::vector<double> mean = rollout.at(method).at("position");
+    std::vector<double> mean = numbers(rollout.at(method).at("position"));
     double sum = 0;
     for (std::size_t i = 0; i < mean.size(); ++i) sum += mean[i], mean[i] = sum / static_cast<double>(i + 1);
     return mean;
@@ -123,9 +123,9 @@ inline std::string cumulative_verdict(const Json& rollout, const std::vector<dou
     std::string below;
     for (std::size_t i = 0; i < times.size(); ++i) {
       const bool is_below = ours[i] < theirs[i];
-      if (is_below && (i == 0 || ours[i - 1] >= theirs[i - 1]))
+      if (is_below && (i == 0 || !(ours[i - 1] < theirs[i - 1])))
         below += (below.empty() ? "" : " and ") + std::string("from ") + digits(times[i]) + " s";
-      if (is_below && (i + 1 == times.size() || ours[i + 1] >= theirs[i + 1]))
+      if (is_below && (i + 1 == times.size() || !(ours[i + 1] < theirs[i + 1])))
         below += " to " + digits(times[i]) + " s";
     }
     text += (text.empty() ? "" : "; ") + method + ": " + (below.empty() ? "never below" : "below " + below);

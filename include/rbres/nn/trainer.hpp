@@ -1,5 +1,6 @@
 #pragma once
 
+#include <rbres/core/denormals.hpp>
 #include <rbres/nn/backpropagation.hpp>
 #include <rbres/nn/optimizer.hpp>
 #include <rbres/nn/schedule.hpp>
@@ -85,6 +86,7 @@ class Evaluation {
       const Eigen::Index chunks =
           std::min<Eigen::Index>(std::ssize(sums_), (samples.count() - start + chunk - 1) / chunk);
       parallel_team(static_cast<int>(std::min(chunks, std::ssize(buffers_))), [&](const Team& team) {
+        const detail::FlushDenormals flush;
         Buffers& own = buffers_[static_cast<std::size_t>(team.index())];
         team.share(chunks, [&](std::ptrdiff_t task) {
           const Eigen::Index first = start + task * chunk, count = std::min(chunk, samples.count() - first);
@@ -232,6 +234,7 @@ class Trainer {
     const std::uint64_t steps_before = state_.progress.step;
     double mean = 0;
     parallel_team(useful_threads(), [&](const Team& team) {
+      const detail::FlushDenormals flush;
       std::uint64_t step = steps_before;
       double sum = 0;
       for (std::size_t first = 0; first < order_.size(); first += batch) {
