@@ -129,6 +129,7 @@ struct Pack {
 
   friend Pack select(Mask m, Pack a, Pack b) { return {m.bits ? a.v : b.v}; }
   friend Pack abs(Pack a) { return {a.v < T(0) ? -a.v : a.v}; }
+  friend Pack in_register(Pack a) { return {a.v}; }
   friend Pack sqrt(Pack a) {
     return by_register(a, [](auto part) { return detail::sqrt_of(part); });
   }

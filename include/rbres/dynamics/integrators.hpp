@@ -33,12 +33,13 @@ void normalize(SystemState<S, N>& y) {
   for (auto& body : y.body) normalize(body);
 }
 
-template <class S>
-RigidState<S> semi_implicit(RigidState<S> y, const S& h, RigidRate<S> k) {
+template <class S, class Angular>
+RigidState<S> semi_implicit(RigidState<S> y, const S& h, RigidRate<S, Angular> k) {
   y.velocity += h * k.acceleration;
-  y.angular_velocity += h * k.angular;
+  y.angular_velocity = y.angular_velocity + h * k.angular;
   set_kinematics(k, y);
-  k.acceleration = k.angular = {};
+  k.acceleration = {};
+  k.angular = {};
   return advanced(y, h, k);
 }
 template <class S, int N>
@@ -82,17 +83,18 @@ struct Rk4 {
   template <class Rate, class State, class S>
   [[gnu::always_inline]] State advance(const Rate& rate, const State& y, const S& t, const S& h) const {
     const S half = as<S>(0.5) * h, sixth = h / as<S>(6.0), third = h / as<S>(3.0);
-    // Each slope goes into the running sum at once, so that four of them are never kept.
-    auto k = rate(t, y);
-    State sum = advanced(y, sixth, k);
-    k = rate(S(t + half), advanced(y, half, k));
-    sum = advanced(sum, third, k);
-    k = rate(S(t + half), advanced(y, half, k));
-    sum = advanced(sum, third, k);
-    k = rate(S(t + h), advanced(y, h, k));
-    sum = advanced(sum, sixth, k);
-    detail::normalize(sum);
-    return sum;
+    // Each slope goes into the running sum at once, so that four of them are never kept. Nothing is assigned
+    // as a whole: compilers would copy it through memory.
+    const auto k1 = rate(t, y);
+    const State sum1 = advanced(y, sixth, k1);
+    const auto k2 = rate(S(t + half), advanced(y, half, k1));
+    const State sum2 = advanced(sum1, third, k2);
+    const auto k3 = rate(S(t + half), advanced(y, half, k2));
+    const State sum3 = advanced(sum2, third, k3);
+    const auto k4 = rate(S(t + h), advanced(y, h, k3));
+    State out = advanced(sum3, sixth, k4);
+    detail::normalize(out);
+    return out;
   }
 };
 
