@@ -133,3 +133,16 @@ TEST_CASE("friction slides against the slip, and sticks within its cone") {
     });
   }
 }
+
+TEST_CASE("two surfaces share the larger restitution and the geometric mean of friction, in either order") {
+  const Material<double> rubber{0.7, 0.9}, ice{0.2, 0.1};
+  const auto ball = [](const Material<double>& m) { return Body{Sphere{0.1}, 1.0, m}; };
+  const System<double, 2, Sphere<double>> system{{ball(rubber), ball(ice)}, {floor_plane(ice)}};
+  for (const auto& [first, second] : {std::pair{0, 1}, std::pair{1, 0}, std::pair{-1, 0}}) {
+    const Surface<double> surface = detail::surface_of(system, first, second);
+    CHECK(surface.restitution == 0.7);
+    CHECK(surface.friction == doctest::Approx(0.3).epsilon(1e-15));
+  }
+  CHECK(detail::surface_of(system, -1, 1).restitution == 0.2);
+  CHECK(detail::surface_of(system, -1, 1).friction == doctest::Approx(0.1).epsilon(1e-15));
+}

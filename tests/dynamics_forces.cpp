@@ -40,6 +40,22 @@ TEST_CASE("a box meets the fluid with the area that it turns to it") {
   CHECK(fluid(box, y).force.x == doctest::Approx(-0.6 * (0.4 * 0.6) * 4).epsilon(1e-14));
   y.orientation = {0, 0, std::sqrt(0.5), std::sqrt(0.5)};  // its y axis turned to the flow's
   CHECK(fluid(box, y).force.x == doctest::Approx(-0.6 * (0.2 * 0.6) * 4).epsilon(1e-14));
+
+  // A body's frame is that of its inertia, in which its shape may stand turned.
+  const Eigen::Quaterniond turn = Eigen::Quaterniond(0.9, 0.1, -0.3, 0.2).normalized();
+  const Eigen::Matrix3d tensor = turn * Eigen::Vector3d(1, 2, 2.5).asDiagonal() * turn.conjugate();
+  const Body<double, Box<double>> turned(Box{0.1, 0.2, 0.3}, 1.0, tensor);
+  y.orientation = turned.shape_rotation().conjugate();
+  CHECK(fluid(turned, y).force.x == doctest::Approx(-0.6 * (0.4 * 0.6) * 4).epsilon(1e-14));
+}
+
+TEST_CASE("damping: the rate times m v against v, and times I w against w") {
+  const Body box{Box{0.1, 0.2, 0.3}, 12.0};
+  const auto w = Damping{0.5, 0.25}(box, moving());
+  CHECK(w.force == Vec3<double>{-0.5 * 12 * 3, 0, -0.5 * 12 * 4});
+  CHECK(w.torque.x == doctest::Approx(-0.25 * box.inertia().x).epsilon(1e-15));
+  CHECK(w.torque.y == doctest::Approx(-0.25 * box.inertia().y * 2).epsilon(1e-15));
+  CHECK(w.torque.z == doctest::Approx(0.25 * box.inertia().z * 2).epsilon(1e-15));
 }
 
 TEST_CASE("forces add up, in any form of a model") {

@@ -71,6 +71,19 @@ TEST_CASE("a body flies the same whether it is known to keep its spin or not") {
   check(Rk4{});
 }
 
+TEST_CASE("explicit Euler moves with the old velocities, semi-implicit with the new") {
+  const double h = 0.01;
+  const auto y = spinning();
+  const auto check_moves = [&](const RigidState<double>& to, const RigidState<double>& by) {
+    CHECK(norm(to.position - h * by.velocity) < 1e-15);
+    CHECK(norm((1 / to.orientation.w) * to.orientation.imaginary() - 0.5 * h * by.angular_velocity) < 1e-15);
+  };
+  check_moves(fly(top, forces, ExplicitEuler{}, y, 0.0, h)[0], y[0]);
+  const auto next = fly(top, forces, SemiImplicitEuler{}, y, 0.0, h);
+  check_moves(next[0], next[0]);
+  CHECK(next[0].velocity.z == doctest::Approx(3 - h * (9.81 + 0.5 * 3)).epsilon(1e-15));
+}
+
 TEST_CASE("the quaternion stays unit") {
   auto y = spinning();
   for (int i = 0; i < 100; ++i) y = fly(top, forces, ExplicitEuler{}, y, 0.0, 0.01);

@@ -175,10 +175,10 @@ TEST_CASE("folders of another setting, foreign and broken ones are refused, and 
   refused("dataset.json", R"({"done": -1})");
   REQUIRE(read(sampler) == "");
   std::string version = before.at("dataset.json");
-  version.replace(version.find("standard-1"), 10, "standard-0");
+  version.replace(version.find("standard-2"), 10, "standard-0");
   write_bytes(path / "dataset.json", version);
-  CHECK(contains(read(sampler), R"(scenario_version: expected "standard-1", found "standard-0")"));
-  CHECK(contains(write(sampler, path), R"(scenario_version: expected "standard-1", found "standard-0")"));
+  CHECK(contains(read(sampler), R"(scenario_version: expected "standard-2", found "standard-0")"));
+  CHECK(contains(write(sampler, path), R"(scenario_version: expected "standard-2", found "standard-0")"));
 }
 
 TEST_CASE("two processes do not make one data set") {

@@ -95,9 +95,9 @@ TEST_CASE("scenario i is a function of seed and i, and another one for each") {
   check(World::room);
 }
 
-TEST_CASE("these are the scenarios of version standard-1") {
+TEST_CASE("these are the scenarios of version standard-2") {
   // Other numbers are another version: results name it.
-  REQUIRE(scenario_version == "standard-1");
+  REQUIRE(scenario_version == "standard-2");
   const auto check = [](const Scenario& s, double x, double vz, double wz, double force) {
     CHECK(s.state[2].position.x == doctest::Approx(x).epsilon(1e-6));
     CHECK(s.state[2].velocity.z == doctest::Approx(vz).epsilon(1e-6));
@@ -109,10 +109,10 @@ TEST_CASE("these are the scenarios of version standard-1") {
   };
   const auto boxes = [](World world, std::uint64_t i) { return ScenarioSampler<BodySet::box>(world, 1)(i); };
   check(balls(World::free_space, 4), 1.18885493, -0.034041822, 1.12382257, 3.58002448);
-  check(balls(World::free_space, 5), 1.56623626, 3.38147688, 2.88270235, -0.309978306);
+  check(balls(World::free_space, 5), 1.56623626, 3.6502583, 2.88270235, -0.309978306);
   check(balls(World::room, 4), 1.32557321, -0.017020911, 0.749215066, 3.58002448);
   check(balls(World::room, 5), -1.93719542, 0.653709233, -4.7374959, 4.89079046);
-  check(boxes(World::free_space, 4), 1.2797178, 1.4810015, 0.22529456, -0.0318613015);
+  check(boxes(World::free_space, 4), 0.109753974, 0.0368750803, -0.853696048, -1.53407288);
   check(boxes(World::room, 5), -1.80591488, 0.653709233, -4.7374959, 4.89079046);
 }
 
@@ -210,20 +210,21 @@ TEST_CASE("contacts come as the page of the scenarios says") {
     CAPTURE(page);
     CHECK(std::abs(share - page) <= 4 * std::sqrt(page * (1 - page) / count) + 1e-9);
   };
-  auto free = contact_shares<BodySet::standard>(World::free_space, 360, {0.5, 1, 5});
-  CHECK(free[Family::flight] == std::vector<double>{0, 0, 0});
-  near(free[Family::pair][0], 0.195, 120);
-  near(free[Family::pair][2], 0.686, 120);
-  near(free[Family::cluster][0], 0.444, 120);
-  near(free[Family::cluster][2], 0.996, 120);
+  auto free = contact_shares<BodySet::standard>(World::free_space, 360, {0.5, 1, 2.1, 5});
+  CHECK(free[Family::flight] == std::vector<double>{0, 0, 0, 0});
+  near(free[Family::pair][0], 0.230, 120);
+  CHECK(free[Family::pair][2] >= 0.99);
+  near(free[Family::cluster][0], 0.512, 120);
+  CHECK(free[Family::cluster][2] >= 0.99);
   auto room = contact_shares<BodySet::standard>(World::room, 240, {0.02, 0.1, 0.5, 1});
   near(room[Family::drop][1], 0.042, 120);
   near(room[Family::drop][2], 0.889, 120);
   near(room[Family::scatter][1], 0.402, 120);
   CHECK(room[Family::drop].back() == 1);
   CHECK(room[Family::scatter].back() == 1);
-  auto boxes = contact_shares<BodySet::box>(World::free_space, 180, {0.5, 1, 5});
-  CHECK(boxes[Family::flight] == std::vector<double>{0, 0, 0});
-  near(boxes[Family::pair][2], 0.479, 60);
-  near(boxes[Family::cluster][2], 0.951, 60);
+  auto boxes = contact_shares<BodySet::box>(World::free_space, 180, {0.5, 1, 2.1, 5});
+  CHECK(boxes[Family::flight] == std::vector<double>{0, 0, 0, 0});
+  near(boxes[Family::pair][1], 0.662, 60);
+  CHECK(boxes[Family::pair][2] >= 0.99);
+  CHECK(boxes[Family::cluster][2] >= 0.99);
 }

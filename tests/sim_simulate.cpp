@@ -241,3 +241,28 @@ TEST_CASE("discrete contact: bodies do not sink, a bounce keeps its restitution 
            });
   CHECK(top == doctest::Approx(0.64).epsilon(1e-2));
 }
+
+TEST_CASE("discrete contact: two balls part by what they overlap, about their centre of mass") {
+  const System<double, 2, Sphere<double>> system{
+      {Body{Sphere{0.1}, 1.0, lively}, Body{Sphere{0.1}, 3.0, lively}}};
+  SystemState<double, 2> y;
+  y[0].position.x = -0.105;
+  y[1].position.x = 0.105;
+  y[0].velocity.x = 1;
+  y[1].velocity.x = -1;
+  simulate(system, y, nothing, Rk4{}, {.step = 0.01, .duration = 0.01, .contacts = ContactMode::discrete});
+  CHECK(y[1].position.x - y[0].position.x == doctest::Approx(0.2).epsilon(1e-14));
+  CHECK(y[0].position.x + 3 * y[1].position.x == doctest::Approx(2 * 0.095).epsilon(1e-14));
+  CHECK(y[1].velocity.x - y[0].velocity.x == doctest::Approx(2 * 0.8).epsilon(1e-14));
+}
+
+TEST_CASE("discrete contact: what lies on the floor does not bounce from a step's fall") {
+  const System<double, 1, Sphere<double>> system{{Body{Sphere{0.1}, 1.0, lively}}, {floor_plane(lively)}};
+  SystemState<double, 1> y;
+  y[0].position.z = 0.1;
+  simulate(system, y, Gravity{}, Rk4{}, {.step = 0.01, .duration = 1, .contacts = ContactMode::discrete},
+           [](double, const auto& now) {
+             CHECK(std::abs(now[0].velocity.z) < 1e-12);
+             CHECK(now[0].position.z == doctest::Approx(0.1).epsilon(1e-12));
+           });
+}

@@ -144,8 +144,9 @@ inline void complex_box(Rows& rows) {
   const Vec3<double> change = spin_momentum(box[0], y[0]) - momentum_start;
   rows.push_back({"complex_box_momentum", norm(change) / norm(momentum_start), 1e-10, "relative",
                   "kept; RK4, 1 ms, 10 s (Simbody 1.9e-3, Bullet 3.6e-3, ODE 3.8e-3)"});
-  rows.push_back(
-      {"complex_box_energy", relative(energy(), energy_start), 1e-10, "relative", "kept; RK4, 1 ms, 10 s"});
+  rows.push_back({"complex_box_energy", relative(energy(), energy_start), 1e-10, "relative",
+                  "kept; RK4, 1 ms, 10 s; rounding of 40 kJ gained and lost in falling, of 368 J in all: "
+                  "truncation is 3e-14"});
   rows.push_back({"complex_box_omega",
                   difference(y[0].angular_velocity, {2.75584040, -3.73596352, -3.16180900}), 1e-7, "rad/s",
                   "SimBenchmark's scene at 10 s, body frame; RK4, 1 ms"});

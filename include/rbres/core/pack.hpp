@@ -127,7 +127,16 @@ struct Pack {
   friend Mask operator==(Pack a, Pack b) { return {a.v == b.v}; }
   T operator[](int lane) const { return v[lane]; }
 
+#if defined(__AVX__)
   friend Pack select(Mask m, Pack a, Pack b) { return {m.bits ? a.v : b.v}; }
+#else
+  // Below AVX no instruction compares 64-bit integers, and g++ 12 can fail on the form above.
+  friend Pack select(Mask m, Pack a, Pack b) {
+    using Bits = typename Mask::Vector;
+    return {reinterpret_cast<Vector>((reinterpret_cast<Bits>(a.v) & m.bits) |
+                                     (reinterpret_cast<Bits>(b.v) & ~m.bits))};
+  }
+#endif
   friend Pack abs(Pack a) { return {a.v < T(0) ? -a.v : a.v}; }
   friend Pack in_register(Pack a) { return {a.v}; }
   friend Pack sqrt(Pack a) {

@@ -10,6 +10,7 @@ template <class S>
 NoVector operator*(const S&, NoVector) {
   return {};
 }
+inline NoVector operator+(NoVector, NoVector) { return {}; }
 template <class S>
 Vec3<S> operator+(const Vec3<S>& a, NoVector) {
   return in_registers(a);

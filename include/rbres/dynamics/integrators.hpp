@@ -49,6 +49,23 @@ SystemState<S, N> semi_implicit(const SystemState<S, N>& y, const S& h, const Sy
   return out;
 }
 
+/// sum + weight k
+template <class S, class Angular>
+[[gnu::always_inline]] inline RigidRate<S, Angular> added(const RigidRate<S, Angular>& sum, const S& weight,
+                                                          const RigidRate<S, Angular>& k) {
+  return {sum.velocity + weight * k.velocity,
+          {sum.orientation.x + weight * k.orientation.x, sum.orientation.y + weight * k.orientation.y,
+           sum.orientation.z + weight * k.orientation.z, sum.orientation.w + weight * k.orientation.w},
+          sum.acceleration + weight * k.acceleration,
+          sum.angular + weight * k.angular};
+}
+template <class S, int N>
+SystemRate<S, N> added(const SystemRate<S, N>& sum, const S& weight, const SystemRate<S, N>& k) {
+  SystemRate<S, N> out;
+  for (std::size_t i = 0; i < N; ++i) out.body[i] = added(sum.body[i], weight, k.body[i]);
+  return out;
+}
+
 }  // namespace detail
 
 /// y1 = y0 + h f(t0, y0).
@@ -82,17 +99,16 @@ struct Rk4 {
 
   template <class Rate, class State, class S>
   [[gnu::always_inline]] State advance(const Rate& rate, const State& y, const S& t, const S& h) const {
-    const S half = as<S>(0.5) * h, sixth = h / as<S>(6.0), third = h / as<S>(3.0);
-    // Each slope goes into the running sum at once, so that four of them are never kept. Nothing is assigned
-    // as a whole: compilers would copy it through memory.
+    const S half = as<S>(0.5) * h;
+    // Slopes are summed before they meet the state, which is then rounded once a step, not four times.
+    // Nothing is assigned as a whole: compilers would copy it through memory.
     const auto k1 = rate(t, y);
-    const State sum1 = advanced(y, sixth, k1);
     const auto k2 = rate(S(t + half), advanced(y, half, k1));
-    const State sum2 = advanced(sum1, third, k2);
+    const auto sum2 = detail::added(k1, S(2), k2);
     const auto k3 = rate(S(t + half), advanced(y, half, k2));
-    const State sum3 = advanced(sum2, third, k3);
+    const auto sum3 = detail::added(sum2, S(2), k3);
     const auto k4 = rate(S(t + h), advanced(y, h, k3));
-    State out = advanced(sum3, sixth, k4);
+    State out = advanced(y, S(h / as<S>(6.0)), detail::added(sum3, S(1), k4));
     detail::normalize(out);
     return out;
   }

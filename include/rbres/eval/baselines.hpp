@@ -32,9 +32,9 @@ struct ContactFree {
   FreeFlow<ScenarioData::bodies> flow;
   double horizon;  ///< s
 
-  SystemState<double, 5> operator()(const SystemState<double, 5>& y,
-                                    const std::array<Wrench<double>, 5>& wrench, int present) const {
-    SystemState<double, 5> next = flow(y, wrench, horizon);
+  template <class State>
+  State operator()(const State& y, const std::array<Wrench<double>, 5>& wrench, int present) const {
+    State next = flow(y, wrench, horizon);
     for (int b = present; b < 5; ++b) next[b] = y[b];
     return next;
   }
@@ -95,8 +95,8 @@ FreeFlow<ScenarioData::bodies> free_flow() {
 }
 
 /// Predictions for scenarios first ... first + count - 1 of the data (65 x count), over all threads.
-template <class Predict>
-Eigen::MatrixXd predict_all(const ScenarioData& data, Eigen::Index first, Eigen::Index count,
+template <class Data, class Predict>
+Eigen::MatrixXd predict_all(const Data& data, Eigen::Index first, Eigen::Index count,
                             const Predict& predict) {
   Eigen::MatrixXd out(65, count);
   constexpr Eigen::Index block = 32;

@@ -6,8 +6,10 @@
 #include <cstring>
 #include <type_traits>
 
-#ifdef __SSE2__
-#include <immintrin.h>
+#if defined(__AVX__)
+#include <immintrin.h>  // much slower to include than the next
+#elif defined(__SSE2__)
+#include <emmintrin.h>
 #endif
 
 namespace rbres::detail {

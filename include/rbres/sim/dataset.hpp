@@ -105,10 +105,11 @@ inline void check_horizons(const std::vector<double>& horizons, double sample_ra
 /// share lanes depends on it, and so do the last bits of truth where boxes rest.
 inline constexpr Eigen::Index scenario_piece = 2304;
 
-/// Columns start ... start + count - 1 of `data`: scenarios first + start, ...
-template <BodySet Set>
+/// Columns start ... start + count - 1 of `data`: scenarios first + start, ... (A template of Data, as are
+/// others of ScenarioData, so that only those who call it compile its expressions.)
+template <BodySet Set, class Data>
 void generate_piece(const ScenarioSampler<Set>& sampler, std::uint64_t first, Eigen::Index start,
-                    Eigen::Index count, const TruthOptions& options, ScenarioData& data) {
+                    Eigen::Index count, const TruthOptions& options, Data& data) {
   std::vector<Scenario> scenarios(static_cast<std::size_t>(count));
   parallel_for(count, options.threads, [&](std::ptrdiff_t i) {
     scenarios[static_cast<std::size_t>(i)] = sampler(first + static_cast<std::uint64_t>(start + i));
@@ -120,7 +121,7 @@ void generate_piece(const ScenarioSampler<Set>& sampler, std::uint64_t first, Ei
     for (int b = 0; b < s.bodies; ++b) {
       const Eigen::Map<const Eigen::Matrix<double, 6, 1>> wrench(
           &s.wrench[static_cast<std::size_t>(b)].force.x);
-      data.wrench.col(start + i).segment<6>(6 * b) = wrench.cast<float>();
+      data.wrench.col(start + i).template segment<6>(6 * b) = wrench.cast<float>();
     }
     data.body_count[static_cast<std::size_t>(start + i)] = static_cast<std::uint8_t>(s.bodies);
     data.family[static_cast<std::size_t>(start + i)] = s.family;
