@@ -42,6 +42,35 @@ TEST_CASE("each method converges with its order") {
   check_order(DormandPrince54{1e9, 1e9}, 32);  // tolerances that every step meets
 }
 
+TEST_CASE("a body flies the same whether it is known to keep its spin or not") {
+  // Nothing is known of a lambda's torque.
+  const auto difference = [](const auto& body, const auto& model, const auto& integrator) {
+    const System<double, 1, std::decay_t<decltype(body.shape())>> system{{body}};
+    const auto unknown = [&](const auto& b, const RigidState<double>& y) {
+      return detail::local_wrench(model, b, y, 0, 0.0);
+    };
+    auto y = spinning(), z = y;
+    for (int i = 0; i < 100; ++i) {
+      y = fly(system, model, integrator, y, 0.0, 0.01);
+      z = fly(system, unknown, integrator, z, 0.0, 0.01);
+    }
+    return (y.vector() - z.vector()).norm();
+  };
+  const Body ball{Sphere{0.1}, 2.0}, uneven{Sphere{0.1}, 2.0, Vec3<double>{0.02, 0.03, 0.04}};
+  const Forces pushing{Gravity{}, FluidFriction{1.2, 0.5, 0.0}, Damping{0.5, 0.0}};
+  const Forces dragging{Gravity{}, FluidFriction{1.2, 0.5, 10.0}};
+  const Forces damping{Gravity{}, Damping{0.0, 0.3}};
+  const auto check = [&](const auto& integrator) {
+    CHECK(difference(ball, pushing, integrator) < 1e-12);
+    CHECK(difference(ball, dragging, integrator) < 1e-12);
+    CHECK(difference(ball, damping, integrator) < 1e-12);
+    CHECK(difference(uneven, pushing, integrator) < 1e-12);
+  };
+  check(ExplicitEuler{});
+  check(SemiImplicitEuler{});
+  check(Rk4{});
+}
+
 TEST_CASE("explicit Euler moves with the old velocities, semi-implicit with the new") {
   const double h = 0.01;
   const auto y = spinning();

@@ -28,7 +28,7 @@ Manifold<S, 1, true> detect(const Sphere<S>& a, const Pose<S>& pa, const Sphere<
 template <class S>
 Manifold<S, 1, true> detect(const Plane<S>& plane, const Sphere<S>& b, const Pose<S>& pb) {
   const S gap = dot(plane.normal, pb.position) - plane.offset - b.radius;
-  return {plane.normal, gap, {pb.position - b.radius * plane.normal}, {gap}};
+  return {in_registers(plane.normal), gap, {pb.position - b.radius * plane.normal}, {gap}};
 }
 
 }  // namespace rbres

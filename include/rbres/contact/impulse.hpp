@@ -18,8 +18,8 @@ struct Motion {
 template <class S, class Shape>
 Motion<S> motion_of(const Body<S, Shape>& body, const RigidState<S>& state) {
   const Mat3<S> axes = rotation_matrix(state.orientation);
-  return {state.position, state.velocity, axes * state.angular_velocity, body.inverse_mass(),
-          rotated_diagonal(axes, body.inverse_inertia())};
+  return {in_registers(state.position), in_registers(state.velocity), axes * state.angular_velocity,
+          body.inverse_mass(), rotated_diagonal(axes, body.inverse_inertia())};
 }
 /// Writes the velocities back.
 template <class S>
@@ -128,13 +128,14 @@ class ContactPoint {
       return d < first_arm ? Vec3<S>{} : cross(point - body.position, direction_[d]);
     };
     const Vec3<S> n = arm(0), u = arm(1), v = arm(2);
-    return {{n, u, v}, {body.inverse_inertia * n, body.inverse_inertia * u, body.inverse_inertia * v}};
+    return {{in_registers(n), in_registers(u), in_registers(v)},
+            {body.inverse_inertia * n, body.inverse_inertia * u, body.inverse_inertia * v}};
   }
   /// The normal and two tangents, without a branch on the normal's direction (Duff et al. 2017).
   static std::array<Vec3<S>, 3> frame(const Vec3<S>& normal) {
     const S sign = select(normal.z < S(0), S(-1), S(1));
     const S a = -inverse(S(sign + normal.z)), b = normal.x * normal.y * a;
-    return {normal,
+    return {in_registers(normal),
             {S(1) + sign * normal.x * normal.x * a, sign * b, -sign * normal.x},
             {b, sign + normal.y * normal.y * a, -normal.y}};
   }

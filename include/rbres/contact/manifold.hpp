@@ -45,7 +45,7 @@ void gather(Manifold<S, P, Central>& m, std::array<MaskOf<S>, std::size_t(P)>& c
 template <class S, class Shape>
 Pose<S> shape_pose(const Body<S, Shape>& body, const RigidState<S>& state) {
   if constexpr (std::is_same_v<Shape, Sphere<S>>) {
-    return {state.position, {}};
+    return {in_registers(state.position), {}};
   } else {
     return {state.position, rotation_matrix(state.orientation * body.shape_rotation())};
   }

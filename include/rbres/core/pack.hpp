@@ -138,6 +138,7 @@ struct Pack {
   }
 #endif
   friend Pack abs(Pack a) { return {a.v < T(0) ? -a.v : a.v}; }
+  friend Pack in_register(Pack a) { return {a.v}; }
   friend Pack sqrt(Pack a) {
     return by_register(a, [](auto part) { return detail::sqrt_of(part); });
   }

@@ -68,6 +68,13 @@ inline double root(double x) {
 inline float root(float x) { return _mm_cvtss_f32(_mm_sqrt_ss(_mm_set_ss(x))); }
 #endif
 
+/// A copy. That of a pack goes through a register: g++ moves structs of packs by parts through memory, and
+/// reading those back as a whole stalls.
+template <class S>
+S in_register(const S& x) {
+  return x;
+}
+
 /// One over a number; within 2 units in the last place where neither of them is subnormal.
 template <class S>
 S inverse(const S& x) {

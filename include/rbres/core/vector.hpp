@@ -38,6 +38,11 @@ template <class S>
 Vec3<S> cross(const Vec3<S>& a, const Vec3<S>& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
+/// A copy, see in_register.
+template <class S>
+Vec3<S> in_registers(const Vec3<S>& a) {
+  return {in_register(a.x), in_register(a.y), in_register(a.z)};
+}
 /// Component by component.
 template <class S>
 Vec3<S> scale(const Vec3<S>& a, const Vec3<S>& b) {

@@ -4,19 +4,32 @@
 
 namespace rbres {
 
-/// Time derivative of a body's 13 numbers. The same layout, but rates.
+/// A vector known to be zero when compiling: nothing is computed with it.
+struct NoVector {};
 template <class S>
+NoVector operator*(const S&, NoVector) {
+  return {};
+}
+inline NoVector operator+(NoVector, NoVector) { return {}; }
+template <class S>
+Vec3<S> operator+(const Vec3<S>& a, NoVector) {
+  return in_registers(a);
+}
+
+/// Time derivative of a body's 13 numbers. The same layout, but rates. With NoVector for the angular
+/// acceleration, that of a body which keeps its spin.
+template <class S, class Angular = Vec3<S>>
 struct RigidRate {
   Vec3<S> velocity;      ///< of the position, m/s
   Quat<S> orientation;   ///< of the quaternion, 1/s
   Vec3<S> acceleration;  ///< world frame, m/s^2
-  Vec3<S> angular;       ///< angular acceleration, body frame, rad/s^2
+  Angular angular;       ///< angular acceleration, body frame, rad/s^2
 };
 
 /// Kinematics: x' = v, q' = 1/2 q (x) [0, omega].
-template <class S>
-[[gnu::always_inline]] inline void set_kinematics(RigidRate<S>& rate, const RigidState<S>& state) {
-  rate.velocity = state.velocity;
+template <class S, class Angular>
+[[gnu::always_inline]] inline void set_kinematics(RigidRate<S, Angular>& rate, const RigidState<S>& state) {
+  rate.velocity = in_registers(state.velocity);
   rate.orientation = quaternion_rate(state.orientation, state.angular_velocity);
 }
 
@@ -32,10 +45,17 @@ template <class S, class Shape>
   rate.angular = scale(body.inverse_inertia(), wrench.torque + gyroscopic);
 }
 
+/// The same for a body with three equal moments and no torque: there is no gyroscopic term either.
+template <class S, class Shape>
+[[gnu::always_inline]] inline void set_dynamics(RigidRate<S, NoVector>& rate, const Body<S, Shape>& body,
+                                                const RigidState<S>&, const Wrench<S>& wrench) {
+  rate.acceleration = body.inverse_mass() * wrench.force;
+}
+
 /// y + h k, the quaternion not normalised.
-template <class S>
+template <class S, class Angular>
 [[gnu::always_inline]] inline RigidState<S> advanced(const RigidState<S>& y, const S& h,
-                                                     const RigidRate<S>& k) {
+                                                     const RigidRate<S, Angular>& k) {
   return {y.position + h * k.velocity,
           {y.orientation.x + h * k.orientation.x, y.orientation.y + h * k.orientation.y,
            y.orientation.z + h * k.orientation.z, y.orientation.w + h * k.orientation.w},

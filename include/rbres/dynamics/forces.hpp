@@ -11,12 +11,15 @@ namespace rbres {
 ///   (body, state, index, time)    and which body it is, and when (s)
 ///   (system, states, index, time) the whole system: forces between bodies; not with `auto` for the system,
 ///                                 which would pass for a body
-/// Compose with Forces{Gravity{}, FluidFriction{}, ...}; nothing is decided at run time.
+/// Compose with Forces{Gravity{}, FluidFriction{}, ...}; nothing is decided at run time. A model may say with
+/// turns() that it never exerts a torque.
 
 /// Uniform gravity: F = m g.
 template <class T = double>
 struct Gravity {
   Vec3<T> g{T(0), T(0), T(-9.81)};  ///< world frame, m/s^2
+
+  static constexpr bool turns() { return false; }
 
   template <class S, class Shape>
   [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>&) const {
@@ -36,6 +39,8 @@ struct FluidFriction {
   T drag = T(0.47);             ///< C_d
   T rotational_drag = T(0.01);  ///< C_r
 
+  bool turns() const { return rotational_drag != T(0); }
+
   template <class S, class Shape>
   [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>& state) const {
     const S factor = as<S>(T(-0.5) * density * drag);
@@ -50,7 +55,7 @@ struct FluidFriction {
       }
     });
     Wrench<S> wrench{resistance * state.velocity, {}};
-    if (rotational_drag != T(0)) {
+    if (turns()) {
       const S r = body.bounding_radius();
       const S spin = as<S>(T(-0.5 * std::numbers::pi) * density * rotational_drag) * (r * r * r * r * r);
       wrench.torque = (spin * norm(state.angular_velocity)) * state.angular_velocity;
@@ -67,6 +72,8 @@ template <class T = double>
 struct Damping {
   T linear = T(0);   ///< 1/s
   T angular = T(0);  ///< 1/s
+
+  bool turns() const { return angular != T(0); }
 
   template <class S, class Shape>
   [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>& state) const {
@@ -105,6 +112,20 @@ inline constexpr bool is_local =
     std::is_invocable_v<const Model&, const Body<S, Shape>&, const RigidState<S>&, int, S>;
 template <class... Models, class S, class Shape>
 inline constexpr bool is_local<Forces<Models...>, S, Shape> = (is_local<Models, S, Shape> && ...);
+
+/// Whether a model may exert a torque.
+template <class Model>
+bool turns(const Model& model) {
+  if constexpr (requires { model.turns(); }) {
+    return model.turns();
+  } else {
+    return true;
+  }
+}
+template <class... Models>
+bool turns(const Forces<Models...>& forces) {
+  return std::apply([](const auto&... m) { return (turns(m) || ...); }, forces.models);
+}
 
 /// The wrench of a model that looks at one body only.
 template <class Model, class S, class Shape>

@@ -13,6 +13,16 @@ struct NoPush {
   }
 };
 
+namespace detail {
+/// Whether the body keeps its angular velocity while no torque acts.
+template <class S, class Shape>
+bool has_equal_moments(const Body<S, Shape>& body) {
+  const Vec3<S>& moment = body.inertia();
+  const MaskOf<S> xy = moment.x == moment.y, yz = moment.y == moment.z;
+  return all(xy & yz);
+}
+}  // namespace detail
+
 /// Takes a system's state h seconds on, without impacts. Body by body where no force couples them.
 /// `push` (state, index, wrench) gives the wrench on a body together with what resting contacts add.
 template <class System, class Model, class Integrator, class Push = NoPush>
@@ -21,15 +31,28 @@ template <class System, class Model, class Integrator, class Push = NoPush>
                              const typename System::Scalar& h, const Push& push = {}) {
   using S = typename System::Scalar;
   if constexpr (detail::is_local<Model, S, typename System::Shape>) {
+    // Dual numbers take no short cut: their derivatives know of moments nearby.
+    constexpr bool short_cut =
+        std::is_same_v<Push, NoPush> && std::is_floating_point_v<typename ScalarTraits<S>::Value>;
     for (int i = 0; i < System::bodies; ++i) {
-      state[i] = integrator.advance(
-          [&](const S& time, const RigidState<S>& y) __attribute__((always_inline)) {
-            RigidRate<S> rate;
-            set_kinematics(rate, y);
-            set_dynamics(rate, system[i], y, push(y, i, detail::local_wrench(forces, system[i], y, i, time)));
-            return rate;
-          },
-          state[i], t, h);
+      const auto advance = [&]<class Angular>(Angular) __attribute__((always_inline)) {
+        state[i] = integrator.advance(
+            [&](const S& time, const RigidState<S>& y) __attribute__((always_inline)) {
+              RigidRate<S, Angular> rate;
+              set_kinematics(rate, y);
+              set_dynamics(rate, system[i], y,
+                           push(y, i, detail::local_wrench(forces, system[i], y, i, time)));
+              return rate;
+            },
+            state[i], t, h);
+      };
+      if constexpr (short_cut) {
+        if (!detail::turns(forces) && detail::has_equal_moments(system[i])) {
+          advance(NoVector{});
+          continue;
+        }
+      }
+      advance(Vec3<S>{});
     }
   } else {
     state = integrator.advance(

@@ -33,12 +33,13 @@ void normalize(SystemState<S, N>& y) {
   for (auto& body : y.body) normalize(body);
 }
 
-template <class S>
-RigidState<S> semi_implicit(RigidState<S> y, const S& h, RigidRate<S> k) {
+template <class S, class Angular>
+RigidState<S> semi_implicit(RigidState<S> y, const S& h, RigidRate<S, Angular> k) {
   y.velocity += h * k.acceleration;
-  y.angular_velocity += h * k.angular;
+  y.angular_velocity = y.angular_velocity + h * k.angular;
   set_kinematics(k, y);
-  k.acceleration = k.angular = {};
+  k.acceleration = {};
+  k.angular = {};
   return advanced(y, h, k);
 }
 template <class S, int N>
@@ -48,19 +49,21 @@ SystemState<S, N> semi_implicit(const SystemState<S, N>& y, const S& h, const Sy
   return out;
 }
 
-/// sum += weight k
-template <class S>
-[[gnu::always_inline]] inline void accumulate(RigidRate<S>& sum, const S& weight, const RigidRate<S>& k) {
-  sum.velocity += weight * k.velocity;
-  sum.orientation = {
-      sum.orientation.x + weight * k.orientation.x, sum.orientation.y + weight * k.orientation.y,
-      sum.orientation.z + weight * k.orientation.z, sum.orientation.w + weight * k.orientation.w};
-  sum.acceleration += weight * k.acceleration;
-  sum.angular += weight * k.angular;
+/// sum + weight k
+template <class S, class Angular>
+[[gnu::always_inline]] inline RigidRate<S, Angular> added(const RigidRate<S, Angular>& sum, const S& weight,
+                                                          const RigidRate<S, Angular>& k) {
+  return {sum.velocity + weight * k.velocity,
+          {sum.orientation.x + weight * k.orientation.x, sum.orientation.y + weight * k.orientation.y,
+           sum.orientation.z + weight * k.orientation.z, sum.orientation.w + weight * k.orientation.w},
+          sum.acceleration + weight * k.acceleration,
+          sum.angular + weight * k.angular};
 }
 template <class S, int N>
-void accumulate(SystemRate<S, N>& sum, const S& weight, const SystemRate<S, N>& k) {
-  for (std::size_t i = 0; i < N; ++i) accumulate(sum.body[i], weight, k.body[i]);
+SystemRate<S, N> added(const SystemRate<S, N>& sum, const S& weight, const SystemRate<S, N>& k) {
+  SystemRate<S, N> out;
+  for (std::size_t i = 0; i < N; ++i) out.body[i] = added(sum.body[i], weight, k.body[i]);
+  return out;
 }
 
 }  // namespace detail
@@ -98,14 +101,14 @@ struct Rk4 {
   [[gnu::always_inline]] State advance(const Rate& rate, const State& y, const S& t, const S& h) const {
     const S half = as<S>(0.5) * h;
     // Slopes are summed before they meet the state, which is then rounded once a step, not four times.
-    auto sum = rate(t, y);
-    auto k = rate(S(t + half), advanced(y, half, sum));
-    detail::accumulate(sum, S(2), k);
-    k = rate(S(t + half), advanced(y, half, k));
-    detail::accumulate(sum, S(2), k);
-    k = rate(S(t + h), advanced(y, h, k));
-    detail::accumulate(sum, S(1), k);
-    State out = advanced(y, S(h / as<S>(6.0)), sum);
+    // Nothing is assigned as a whole: compilers would copy it through memory.
+    const auto k1 = rate(t, y);
+    const auto k2 = rate(S(t + half), advanced(y, half, k1));
+    const auto sum2 = detail::added(k1, S(2), k2);
+    const auto k3 = rate(S(t + half), advanced(y, half, k2));
+    const auto sum3 = detail::added(sum2, S(2), k3);
+    const auto k4 = rate(S(t + h), advanced(y, h, k3));
+    State out = advanced(y, S(h / as<S>(6.0)), detail::added(sum3, S(1), k4));
     detail::normalize(out);
     return out;
   }

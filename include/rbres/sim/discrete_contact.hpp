@@ -47,11 +47,17 @@ template <class System>
     if constexpr (Packed<S>) gather(manifold, touching);
     tally.touching += select(overlaps, S(1), S(0));
 
-    Motion<S> b = motion_of(system[second], y[second]), a{};
+    Motion<S> b = motion_of(system[second], y[second]);
+    Motion<S> a = [&] {
+      if constexpr (fixed) {
+        return Motion<S>{};
+      } else {
+        return motion_of(system[first], y[first]);
+      }
+    }();
     Vec3<S> change = y[second].velocity - before[second].velocity;
     S share(0);
     if constexpr (!fixed) {
-      a = motion_of(system[first], y[first]);
       change -= y[first].velocity - before[first].velocity;
       share = a.inverse_mass / (a.inverse_mass + b.inverse_mass);
     }
