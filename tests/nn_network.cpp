@@ -2,35 +2,9 @@
 
 #include <rbres/nn/nn.hpp>
 
-#include <atomic>
-#include <cstdlib>
-#include <new>
+#include "../examples/common/count_allocations.hpp"
 
 using namespace rbres;
-
-namespace {
-std::atomic<long> allocations{0};
-}
-
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wmismatched-new-delete"  // these replacements match each other
-#endif
-
-void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* at = std::malloc(size)) return at;
-  throw std::bad_alloc();
-}
-void* operator new(std::size_t size, std::align_val_t alignment) {
-  ++allocations;
-  const auto a = static_cast<std::size_t>(alignment);
-  if (void* at = std::aligned_alloc(a, (size + a - 1) / a * a)) return at;
-  throw std::bad_alloc();
-}
-void operator delete(void* at) noexcept { std::free(at); }
-void operator delete(void* at, std::size_t) noexcept { std::free(at); }
-void operator delete(void* at, std::align_val_t) noexcept { std::free(at); }
-void operator delete(void* at, std::size_t, std::align_val_t) noexcept { std::free(at); }
 
 namespace {
 

@@ -1,7 +1,8 @@
 #include <doctest/doctest.h>
 
-#include <rbres/core/philox.hpp>
 #include <rbres/predict/encoding.hpp>
+
+#include "predict_states.hpp"
 
 using namespace rbres;
 
@@ -10,21 +11,6 @@ namespace {
 using Code = Encoding<3>;
 using State = SystemState<double, 3>;
 using Wrenches = std::array<Wrench<double>, 3>;
-
-State random_state(std::uint64_t seed) {
-  Random random(seed);
-  State y;
-  for (double& x : y.vector().reshaped()) x = random.normal();
-  for (auto& body : y.body) body.orientation = normalized(body.orientation);
-  return y;
-}
-
-/// The same orientations by the other quaternions.
-template <class State>
-State turned(State y) {
-  for (int b = 0; b < State::bodies; ++b) y[b].vector().template segment<4>(3) *= -1;
-  return y;
-}
 
 }  // namespace
 
@@ -44,14 +30,14 @@ TEST_CASE("a body's 19 inputs are its 13 numbers in the paper's order, its force
 }
 
 TEST_CASE("q and -q are encoded alike, on the side w >= 0") {
-  const State y = random_state(1);
+  const State y = random_state<State>(1);
   const Wrenches w{};
   CHECK(Code::encode(y, w, 3) == Code::encode(turned(y), w, 3));
   for (int b = 0; b < 3; ++b) CHECK(Code::encode(y, w, 3)[19 * b + 6] >= 0);
 }
 
 TEST_CASE("the numbers of absent bodies are zero") {
-  const State y = random_state(2), base = random_state(3);
+  const State y = random_state<State>(2), base = random_state<State>(3);
   Wrenches w{};
   w[2].force = {1, 1, 1};
   CHECK(Code::encode(y, w, 2).tail<19>().isZero(0));
@@ -61,7 +47,7 @@ TEST_CASE("the numbers of absent bodies are zero") {
 }
 
 TEST_CASE("base plus the difference is the state, whichever quaternion stands for it") {
-  const State y = random_state(4), base = random_state(5);
+  const State y = random_state<State>(4), base = random_state<State>(5);
   const auto difference = Code::difference(y, base, 3);
   CHECK(difference == Code::difference(turned(y), base, 3));
   const State back = Code::sum(base, difference, 3);
@@ -75,7 +61,7 @@ TEST_CASE("base plus the difference is the state, whichever quaternion stands fo
 }
 
 TEST_CASE("a sum has unit quaternions, also where they cancel") {
-  const State base = random_state(6);
+  const State base = random_state<State>(6);
   Code::Output<double> y = Code::Output<double>::Constant(0.7);
   y.segment<4>(3) = -base[0].vector().segment<4>(3);
   const State next = Code::sum(base, y, 3);

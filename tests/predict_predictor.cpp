@@ -2,34 +2,10 @@
 
 #include <rbres/eval/training_set.hpp>
 
-#include <cstdlib>
-#include <new>
+#include "../examples/common/count_allocations.hpp"
+#include "predict_states.hpp"
 
 using namespace rbres;
-
-namespace {
-long allocations = 0;
-}
-
-#if defined(__GNUC__) && !defined(__clang__)
-#pragma GCC diagnostic ignored "-Wmismatched-new-delete"  // these replacements match each other
-#endif
-
-[[gnu::noinline]] void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* at = std::malloc(size)) return at;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void* operator new(std::size_t size, std::align_val_t alignment) {
-  ++allocations;
-  const auto a = static_cast<std::size_t>(alignment);
-  if (void* at = std::aligned_alloc(a, (size + a - 1) / a * a)) return at;
-  throw std::bad_alloc();
-}
-void operator delete(void* at) noexcept { std::free(at); }
-void operator delete(void* at, std::size_t) noexcept { std::free(at); }
-void operator delete(void* at, std::align_val_t) noexcept { std::free(at); }
-void operator delete(void* at, std::size_t, std::align_val_t) noexcept { std::free(at); }
 
 namespace {
 
@@ -57,21 +33,6 @@ Small predictor(Target target) {
   return p;
 }
 
-State random_state(std::uint64_t seed) {
-  Random random(seed);
-  State y;
-  for (double& x : y.vector().reshaped()) x = random.normal();
-  for (auto& body : y.body) body.orientation = normalized(body.orientation);
-  return y;
-}
-
-/// The same orientations by the other quaternions.
-template <class State>
-State turned(State y) {
-  for (int b = 0; b < State::bodies; ++b) y[b].vector().template segment<4>(3) *= -1;
-  return y;
-}
-
 Small::Wrenches random_wrenches() {
   Random random(9);
   Small::Wrenches w;
@@ -84,7 +45,7 @@ Small::Wrenches random_wrenches() {
 TEST_CASE("a prediction allocates nothing and has unit quaternions") {
   for (const Target target : {Target::state, Target::residual}) {
     const Small p = predictor(target);
-    const State y = random_state(1);
+    const State y = random_state<State>(1);
     const auto w = random_wrenches();
     std::array<State, 4> states;
     const long before = allocations;
@@ -100,12 +61,12 @@ TEST_CASE("a prediction allocates nothing and has unit quaternions") {
 TEST_CASE("absent bodies stay as they are and change nothing") {
   for (const Target target : {Target::state, Target::residual}) {
     const Small p = predictor(target);
-    State y = random_state(2);
+    State y = random_state<State>(2);
     const auto w = random_wrenches();
     const State next = p.predict(y, w, 3);
     CHECK(next[3] == y[3]);
     CHECK(next[4] == y[4]);
-    y[4] = random_state(3)[0];
+    y[4] = random_state<State>(3)[0];
     const State again = p.predict(y, w, 3);
     for (int b = 0; b < 3; ++b) CHECK(again[b] == next[b]);
     CHECK_FALSE(p.predict(y, w, 5)[0] == next[0]);
@@ -116,7 +77,7 @@ TEST_CASE("a residual network that says nothing gives the contact-free flow") {
   Small p = predictor(Target::residual);
   std::fill(p.network.parameters().begin(), p.network.parameters().end(), 0.0f);
   p.output.mean.setZero();
-  const State y = random_state(4);
+  const State y = random_state<State>(4);
   const auto w = random_wrenches();
   const State flown = flow()(y, w, 0.3), predicted = p.predict(y, w);
   CHECK((predicted.vector() - flown.vector()).cwiseAbs().maxCoeff() < 1e-15);
@@ -127,8 +88,8 @@ TEST_CASE("a residual network that says nothing gives the contact-free flow") {
 TEST_CASE("what the network is to say, decoded, is the truth") {
   for (const Target target : {Target::state, Target::residual}) {
     const Small p = predictor(target);
-    const State y = random_state(5);
-    const State truth = random_state(6);
+    const State y = random_state<State>(5);
+    const State truth = random_state<State>(6);
     const auto w = random_wrenches();
     const auto said = p.wanted(y, w, truth, 5);
     const State decoded = p.decode(y, w, p.output.normalize(said.cast<float>()), 5);
@@ -146,7 +107,7 @@ TEST_CASE("what the network is to say, decoded, is the truth") {
 
 TEST_CASE("a rollout is prediction after prediction") {
   const Small p = predictor(Target::residual);
-  State y = random_state(7);
+  State y = random_state<State>(7);
   const auto w = random_wrenches();
   std::array<State, 5> states;
   p.rollout(y, w, states, 4);

@@ -1,23 +1,10 @@
 #include <doctest/doctest.h>
 
-#include <cstdlib>
-#include <new>
 #include <rbres/rbres.hpp>
 
+#include "../examples/common/count_allocations.hpp"
+
 using namespace rbres;
-
-namespace {
-long allocations = 0;
-}
-
-// Counts what the whole program allocates. Not inlined, or g++ takes malloc and delete for a mismatch.
-[[gnu::noinline]] void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* memory = std::malloc(size)) return memory;
-  throw std::bad_alloc();
-}
-[[gnu::noinline]] void operator delete(void* memory) noexcept { std::free(memory); }
-[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 
 namespace {
 

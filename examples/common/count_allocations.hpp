@@ -1,4 +1,4 @@
-// Counts what a program takes from the heap. For the one source file of a program.
+// Counts what a program takes from the heap. For one source file of a program; tests use it, too.
 #pragma once
 
 #include <atomic>
@@ -9,9 +9,12 @@
 namespace {
 std::atomic<long> allocations{0};
 
-void* counted(std::size_t size, std::size_t alignment) {
+void* counted_or_null(std::size_t size, std::size_t alignment) noexcept {
   ++allocations;
-  if (void* at = std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment)) return at;
+  return std::aligned_alloc(alignment, (size + alignment - 1) / alignment * alignment);
+}
+void* counted(std::size_t size, std::size_t alignment) {
+  if (void* at = counted_or_null(size, alignment)) return at;
   throw std::bad_alloc();
 }
 }  // namespace
@@ -22,6 +25,9 @@ void* counted(std::size_t size, std::size_t alignment) {
 void* operator new(std::size_t size) { return counted(size, alignof(std::max_align_t)); }
 void* operator new(std::size_t size, std::align_val_t alignment) {
   return counted(size, static_cast<std::size_t>(alignment));
+}
+void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
+  return counted_or_null(size, alignof(std::max_align_t));
 }
 void operator delete(void* at) noexcept { std::free(at); }
 void operator delete(void* at, std::size_t) noexcept { std::free(at); }
