@@ -6,6 +6,9 @@
 
 using namespace rbres;
 
+using Doubles = Pack<double, native_lanes<double>>;
+using Floats = Pack<float, native_lanes<float>>;
+
 namespace {
 
 constexpr int bodies = 3;
@@ -76,13 +79,13 @@ TEST_CASE("lanes give what single runs give") {
       CHECK(found.first < bound);
       CHECK(found.second > 16);  // or it would prove little
     };
-    check(difference<Pack<double, 8>>(spheres, mode, 500), 1e-9);
+    check(difference<Doubles>(spheres, mode, 500), 1e-9);
     // Resting boxes are solved to 1e-11 m/s in each step, by a sweep more or less where rounding decides;
     // impacts multiply what that leaves.
-    check(difference<Pack<double, 8>>(boxes, mode, 300), mode == ContactMode::discrete ? 1e-9 : 1e-8);
+    check(difference<Doubles>(boxes, mode, 300), mode == ContactMode::discrete ? 1e-9 : 1e-8);
     // Impacts multiply rounding by about ten each.
-    check(difference<Pack<float, 16>>(spheres, mode, 250), 5e-4);
-    check(difference<Pack<float, 16>>(boxes, mode, 150), 5e-4);
+    check(difference<Floats>(spheres, mode, 250), 5e-4);
+    check(difference<Floats>(boxes, mode, 150), 5e-4);
   }
 }
 
