@@ -160,7 +160,8 @@ class ScenarioSampler {
         b.velocity = normal(r, 0.5);
       } else {
         b.position = in_box(r, {-wall, -wall, radius + gap}, {wall, wall, 5 - radius - gap});
-        b.velocity = r.uniform(2, 6) * normalized_direction(r);
+        const Vec3<double> direction = normalized_direction(r);  // compilers draw arguments in any order
+        b.velocity = r.uniform(2, 6) * direction;
       }
     }
   }
