@@ -68,8 +68,8 @@ struct Gradient {
 /// Numbers that a group of lanes of a matrix of `depth` columns has, in whole panels.
 template <class T>
 constexpr std::size_t group_size(int depth) {
-  return static_cast<std::size_t>((tile_vectors * simd_width<T> + lanes<T> - 1) / lanes<T> * lanes<T> *
-                                  depth);
+  constexpr int width = (tile_vectors * simd_width<T> + lanes<T> - 1) / lanes<T> * lanes<T>;
+  return std::size_t{width} * static_cast<std::size_t>(depth);
 }
 
 /// finish(c, lane, (Wᵀ in)(lane..., c)): each group of lanes is transposed into the cache, which has
