@@ -1,7 +1,7 @@
 // The experiment of arXiv 2407.18798, run for real: simulate, train, evaluate, roll out.
-#include <CLI/CLI.hpp>
 #include <ctime>
 
+#include "common/command_line.hpp"
 #include "paper/figures.hpp"
 #include "paper/report.hpp"
 #include "paper/rollout.hpp"
@@ -109,8 +109,7 @@ int main(int argc, char** argv) {
       ->default_str("rbres_paper or rbres_paper_quick");
   app.add_option("--json", json, "also save every figure of every table, by name, to this file");
   app.add_option("--commit", commit, "what results.md says of the version of the sources");
-  try {
-    app.parse(argc, argv);
+  return run_program("rbres_paper", app, argc, argv, [&] {
     const Plan plan = quick ? quick_plan() : full_plan();
     const Store store(folder.empty() ? (quick ? "rbres_paper_quick" : "rbres_paper") : folder);
     std::printf("%s: %d networks to train; results go to %s\n",
@@ -129,12 +128,5 @@ int main(int argc, char** argv) {
     std::printf("\nEvery table: %s\nEvery figure of them by name: %s\n",
                 (store.folder() / "results.md").c_str(), (store.folder() / "results.json").c_str());
     draw_figures(plan, store, results);
-  } catch (const CLI::ParseError& problem) {
-    if (problem.get_exit_code() == 0) return app.exit(problem);  // --help
-    std::fprintf(stderr, "rbres_paper: %s\n", problem.what());
-    return 2;
-  } catch (const std::exception& problem) {
-    std::fprintf(stderr, "rbres_paper: %s\n", problem.what());
-    return 2;
-  }
+  });
 }

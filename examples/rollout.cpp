@@ -1,7 +1,7 @@
 // Rolls a trained predictor out beside the truth: predictions of predictions, from a sampled scenario.
-#include <CLI/CLI.hpp>
 #include <functional>
 
+#include "common/command_line.hpp"
 #include "paper/training.hpp"
 
 namespace {
@@ -226,17 +226,9 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0.0, 600.0))
       ->capture_default_str();
   app.add_option("--out", options.out, "NAME of the files written")->capture_default_str();
-  try {
-    app.parse(argc, argv);
+  return run_program("rbres_rollout", app, argc, argv, [&] {
     const AnyPredictor predictor = load_any(options.model);
     predictor.set == BodySet::standard ? roll_out<BodySet::standard>(options, predictor)
                                        : roll_out<BodySet::box>(options, predictor);
-  } catch (const CLI::ParseError& problem) {
-    if (problem.get_exit_code() == 0) return app.exit(problem);  // --help
-    std::fprintf(stderr, "rbres_rollout: %s\n", problem.what());
-    return 2;
-  } catch (const std::exception& problem) {
-    std::fprintf(stderr, "rbres_rollout: %s\n", problem.what());
-    return 2;
-  }
+  });
 }

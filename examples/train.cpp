@@ -1,9 +1,9 @@
 // Simulates, trains, evaluates and saves one predictor, by the protocol of arXiv 2407.18798 unless told
 // otherwise.
-#include <CLI/CLI.hpp>
 #include <charconv>
 #include <map>
 
+#include "common/command_line.hpp"
 #include "paper/training.hpp"
 
 namespace {
@@ -227,16 +227,8 @@ int main(int argc, char** argv) {
   app.add_flag("--resume", o.resume, "go on from the checkpoint, to the same bits");
   app.add_option("--out", o.out, "file of the model; rbres_rollout takes it")->capture_default_str();
   app.add_option("--json", o.json, "file for the table's figures");
-  try {
-    app.parse(argc, argv);
+  return run_program("rbres_train", app, argc, argv, [&] {
     check_files(o);
     o.set == BodySet::standard ? run<BodySet::standard>(o) : run<BodySet::box>(o);
-  } catch (const CLI::ParseError& problem) {
-    if (problem.get_exit_code() == 0) return app.exit(problem);  // --help
-    std::fprintf(stderr, "rbres_train: %s\n", problem.what());
-    return 2;
-  } catch (const std::exception& problem) {
-    std::fprintf(stderr, "rbres_train: %s\n", problem.what());
-    return 2;
-  }
+  });
 }

@@ -108,7 +108,7 @@ class Body {
   static auto naming(const Shape& shape, const S& mass, const F& f) {
     const auto name = [&] {
       const auto of = detail::with_shape(shape, [](const auto& s) { return s.describe(); });
-      return detail::text("body (", of, ", ", mass, " kg)");
+      return detail::text("body (", of, ", ", mass, " kg), ");
     };
     return detail::naming(name, f);
   }

@@ -84,7 +84,7 @@ class System {
   void check_planes() const {
     for (std::size_t i = 0; i < planes_.size(); ++i) {
       const auto& p = planes_[i];
-      detail::naming([&] { return detail::text("plane ", i); },
+      detail::naming([&] { return detail::text("plane ", i, ", "); },
                      [&] {
                        if (!(std::abs(norm(p.normal) - S(1)) < as<S>(1e-5))) {
                          detail::refuse("normal", "a unit vector",

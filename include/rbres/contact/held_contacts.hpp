@@ -7,8 +7,7 @@
 namespace rbres::detail {
 
 /// The contacts that rest, slide or roll, and the impulses that hold them: found by relaxing their points in
-/// turn. It starts from the forces of the step before, so that a stack at rest takes a
-/// sweep or two.
+/// turn. It starts from the forces of the step before, so that a stack at rest takes a sweep or two.
 template <class System>
 class HeldContacts {
   using S = typename System::Scalar;

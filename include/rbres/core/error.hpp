@@ -30,13 +30,13 @@ template <class Found>
   throw Error(text(what, ": expected ", expected, ", found ", found));
 }
 
-/// Calls f(); what it refuses begins with who(), which says whose fault it is.
+/// Calls f(); what it refuses begins with who(), such as "plane 1, ", which says whose fault it is.
 template <class Who, class F>
 decltype(auto) naming(const Who& who, const F& f) {
   try {
     return f();
   } catch (const Error& fault) {
-    throw Error(text(who(), ", ", fault.what()));
+    throw Error(text(who(), fault.what()));
   }
 }
 

@@ -23,6 +23,7 @@
 ///     a checkpoint net = trainer.best();                                                  // needs;
 ///     trainer.restore(...) goes on
 #include <rbres/nn/backpropagation.hpp>
+#include <rbres/nn/evaluation.hpp>
 #include <rbres/nn/layers.hpp>
 #include <rbres/nn/loss.hpp>
 #include <rbres/nn/network.hpp>

@@ -42,11 +42,8 @@ void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, con
   constexpr int L = ScalarTraits<S>::lanes;
   options.check();
   for (std::ptrdiff_t i = 0; i < count; ++i) {
-    try {
-      check_state(system, start(i));
-    } catch (const Error& problem) {
-      throw Error(detail::text("scenario ", i, ": ", problem.what()));
-    }
+    detail::naming([&] { return detail::text("scenario ", i, ": "); },
+                   [&] { check_state(system, start(i)); });
   }
   const auto lanes_system = system.template cast<S>();
   using Lanes = std::decay_t<decltype(lanes_system)>;
