@@ -57,11 +57,12 @@ inline void bounces(Rows& rows) {
   const auto system = ball_over_floor(1);
   SystemState<double, 1> y;
   y[0].position.z = 0.1 + height;
-  const double energy = g * y[0].position.z;
+  const Vec3<double> gravity{0, 0, -g};
+  const double start = energy(system, y, gravity);
   int bounces = 0;
   double error = 0;
   const auto until = [&](double, const auto& now) {
-    error = relative(kinetic_energy(system[0], now[0]) + g * now[0].position.z, energy);
+    error = relative(energy(system, now, gravity), start);
     return bounces < 1000;
   };
   struct Observer {
@@ -130,19 +131,17 @@ inline void oblique_impact(Rows& rows) {
 /// What is kept in an impact: sums over all bodies.
 struct Balance {
   Vec3<double> linear, angular;
-  double energy = 0, linear_scale = 0, angular_scale = 0;
+  double energy, linear_scale = 0, angular_scale = 0;
 
   template <class System>
-  Balance(const System& system, const typename System::State& y) {
+  Balance(const System& system, const typename System::State& y)
+      : linear(linear_momentum(system, y)),
+        angular(angular_momentum(system, y)),
+        energy(kinetic_energy(system, y)) {
     for (int i = 0; i < System::bodies; ++i) {
-      const double m = system[i].mass();
-      const Vec3<double> p = m * y[i].velocity, orbit = cross(y[i].position, p),
-                         spin = spin_momentum(system[i], y[i]);
-      linear += p;
-      angular += orbit + spin;
+      const Vec3<double> p = linear_momentum(system[i], y[i]);
       linear_scale += norm(p);
-      angular_scale += norm(orbit) + norm(spin);
-      energy += kinetic_energy(system[i], y[i]);
+      angular_scale += norm(cross(y[i].position, p)) + norm(spin_angular_momentum(system[i], y[i]));
     }
   }
 };

@@ -9,18 +9,13 @@ namespace validate {
 template <class System, class Expected>
 double energy_error(const System& system, typename System::State y, double g,
                     const SimulationOptions& options, const Expected& expected) {
-  const auto energy = [&](const auto& now) {
-    double sum = 0;
-    for (int i = 0; i < System::bodies; ++i)
-      sum += kinetic_energy(system[i], now[i]) + system[i].mass() * g * now[i].position.z;
-    return sum;
-  };
-  const double start = energy(y);
+  const Vec3<double> gravity{0, 0, -g};
+  const double start = energy(system, y, gravity);
   double sum = 0;
   long samples = 0;
   const auto report =
-      simulate(system, y, Gravity{Vec3<double>{0, 0, -g}}, Rk4{}, options, [&](double time, const auto& now) {
-        const double error = (energy(now) - expected(time, start)) / start;
+      simulate(system, y, Gravity{gravity}, Rk4{}, options, [&](double time, const auto& now) {
+        const double error = (energy(system, now, gravity) - expected(time, start)) / start;
         sum += error * error;
         ++samples;
       });

@@ -1,6 +1,7 @@
 #pragma once
 
 /// Everything but files (those are in <rbres/io.hpp>); needs Eigen alone.
+#include <rbres/body/mechanics.hpp>
 #include <rbres/body/system.hpp>
 #include <rbres/core/aligned.hpp>
 #include <rbres/core/error.hpp>

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <limits>
 #include <numbers>
-#include <rbres/body/state.hpp>
+#include <rbres/body/mechanics.hpp>
 #include <vector>
 
 namespace rbres {
@@ -49,12 +49,6 @@ inline double quantile(std::vector<double> values, double q) {
   return values[i] + (at - static_cast<double>(i)) * (next - values[i]);
 }
 
-template <class S>
-double mechanical_energy(const Vec3<S>& moments, const S& mass, const RigidState<S>& y) {
-  return 0.5 * mass * squared_norm(y.velocity) +
-         0.5 * dot(y.angular_velocity, scale(moments, y.angular_velocity)) + 9.81 * mass * y.position.z;
-}
-
 /// The angle of the rotation between two orientations (x, y, z, w; of any length), exact for small ones too:
 /// four times Kahan's half angle between the quaternions.
 inline double degrees_between(const double* p, const double* q) {
@@ -85,6 +79,9 @@ Metrics measure(const Data& data, std::size_t h, std::ptrdiff_t first, const Pre
                             {3, 4, &Metrics::orientation},
                             {7, 3, &Metrics::velocity},
                             {10, 3, &Metrics::angular_velocity}};
+  const auto mechanical_energy = [&](const RigidState<double>& y) {
+    return kinetic_energy(mass, moments, y) + 9.81 * mass * y.position.z;
+  };
   Metrics m;
   std::vector<double> relative[4];
   double energy_error = 0, energy = 0, sx = 0, sy = 0, sxx = 0, syy = 0, sxy = 0;
@@ -115,8 +112,8 @@ Metrics measure(const Data& data, std::size_t h, std::ptrdiff_t first, const Pre
         m.*parts[k].mean_square += error2 / parts[k].size;
         relative[k].push_back(std::sqrt(error2) / std::max(std::sqrt(truth2), 1e-12));
       }
-      const double e_true = detail::mechanical_energy(moments, mass, true_state);
-      energy_error += std::abs(detail::mechanical_energy(moments, mass, guessed_state) - e_true);
+      const double e_true = mechanical_energy(true_state);
+      energy_error += std::abs(mechanical_energy(guessed_state) - e_true);
       energy += std::abs(e_true);
       ++m.bodies;
       if (!collided) continue;
