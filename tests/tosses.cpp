@@ -22,7 +22,7 @@ State falling(std::uint64_t seed) {
   const auto vector = [&](double size) {
     return Vec3<double>{size * random.normal(), size * random.normal(), size * random.normal()};
   };
-  State state{vector(0.1), rotation_of(vector(1)), vector(0.5), vector(2)};
+  State state{vector(0.1), quaternion_exp(vector(1)), vector(0.5), vector(2)};
   state.position.z = 0.07;
   return state;
 }
@@ -123,7 +123,8 @@ TEST_CASE("rollout errors are those of known displacements") {
   for (Toss& toss : tosses) {
     for (std::size_t t = 1; t < toss.size(); ++t) {
       toss[t].position.y += t <= 80 ? 0.03 : 9.0;
-      toss[t].orientation = toss[t].orientation * rotation_of({0, &toss == &tosses[0] ? 0.3 : 0.6, 0});
+      toss[t].orientation =
+          toss[t].orientation * quaternion_exp(Vec3<double>{0, &toss == &tosses[0] ? 0.3 : 0.6, 0});
     }
   }
   const Score found = score(free_flight, tosses);
@@ -138,8 +139,8 @@ TEST_CASE("a prediction knows neither place, heading nor the names of the cube's
   const State next = predictor(state);
   REQUIRE(std::sqrt(squared_norm(next.velocity - free_flight(state).velocity)) > 1e-3);
 
-  const Quat<double> heading = rotation_of({0, 0, 1.1});
-  const Quat<double> relabelled = rotation_of({std::numbers::pi / 2, 0, 0});
+  const Quat<double> heading = quaternion_exp(Vec3<double>{0, 0, 1.1});
+  const Quat<double> relabelled = quaternion_exp(Vec3<double>{std::numbers::pi / 2, 0, 0});
   State other{rotate(heading, state.position) + Vec3<double>{3, -2, 0},
               heading * state.orientation * relabelled, rotate(heading, state.velocity),
               rotate_back(relabelled, state.angular_velocity)};

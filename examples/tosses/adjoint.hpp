@@ -24,17 +24,11 @@ inline double pose_error(const State& predicted, const State& measured, double s
 }
 
 /// From the gradient by a rotation that ended with a turn (rotation vector in rad; both in the body frame) to
-/// that by the rotation before it, in place, and that by the turn, which is returned: the right Jacobian of
-/// the exponential map (Sola, Deray, Atchuthan 2018, "A micro Lie theory", equation 143), transposed.
+/// that by the rotation before it, in place, and that by the turn, which is returned.
 inline Eigen::Vector3d pull_back_turn(const Vec3<double>& turn, Eigen::Ref<Eigen::Vector3d> gradient) {
   const Vec3<double> after(gradient);
-  const double square = squared_norm(turn), angle = std::sqrt(square);
-  const bool small = angle < 1e-4;
-  const double a = small ? 0.5 : (1 - std::cos(angle)) / square;
-  const double b = small ? 1.0 / 6 : (angle - std::sin(angle)) / (square * angle);
-  const Vec3<double> once = cross(turn, after), twice = cross(turn, once);
-  gradient = Eigen::Vector3d(rotate(rotation_of(turn), after));
-  return after + a * once + b * twice;
+  gradient = Eigen::Vector3d(rotate(quaternion_exp(turn), after));
+  return right_jacobian(turn).transposed_times(after);
 }
 
 /// The state moved along direction k of its tangent space: position, body-frame rotation, velocity, angular
@@ -42,7 +36,7 @@ inline Eigen::Vector3d pull_back_turn(const Vec3<double>& turn, Eigen::Ref<Eigen
 inline State moved(State state, int k, double by) {
   const Vec3<double> along(Eigen::Vector3d(by * Eigen::Vector3d::Unit(k % 3)));
   if (k / 3 == 0) state.position += along;
-  if (k / 3 == 1) state.orientation = state.orientation * rotation_of(along);
+  if (k / 3 == 1) state.orientation = state.orientation * quaternion_exp(along);
   if (k / 3 == 2) state.velocity += along;
   if (k / 3 == 3) state.angular_velocity += along;
   return state;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 #include <rbres/body/state.hpp>
+#include <rbres/core/lie.hpp>
 #include <rbres/io/npy.hpp>
 #include <vector>
 
@@ -68,17 +69,7 @@ inline std::vector<Toss> read_tosses(const std::filesystem::path& path) {
 
 /// The rotation from a to b as a rotation vector in a's frame, rad, of length at most pi.
 inline Vec3<double> rotation_between(const Quat<double>& a, const Quat<double>& b) {
-  const Quat<double> d = a.conjugate() * b;
-  const Vec3<double> v = d.w < 0 ? -d.imaginary() : d.imaginary();
-  const double sine = std::sqrt(squared_norm(v));
-  return (sine < 1e-12 ? 2.0 : 2 * std::atan2(sine, std::abs(d.w)) / sine) * v;
-}
-
-/// The unit quaternion of a rotation vector (rad).
-inline Quat<double> rotation_of(const Vec3<double>& v) {
-  const double half = std::sqrt(squared_norm(v)) / 2;
-  const Vec3<double> axis = (half < 1e-12 ? 0.5 : std::sin(half) / (2 * half)) * v;
-  return {axis.x, axis.y, axis.z, std::cos(half)};
+  return quaternion_log(a.conjugate() * b);
 }
 
 /// The floor's height, m: the median over tosses of where the cube's lowest corner is in the last frame, at
@@ -99,7 +90,7 @@ inline double floor_height(const std::vector<Toss>& tosses) {
 /// spin.
 inline void add_velocity(State& state, const Vec3<double>& change, const Vec3<double>& spin) {
   state.position += frame_time * change;
-  state.orientation = normalized(state.orientation * rotation_of(frame_time * spin));
+  state.orientation = normalized(state.orientation * quaternion_exp(frame_time * spin));
   state.velocity += change;
   state.angular_velocity += spin;
 }

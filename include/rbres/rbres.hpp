@@ -5,6 +5,7 @@
 #include <rbres/body/system.hpp>
 #include <rbres/core/aligned.hpp>
 #include <rbres/core/error.hpp>
+#include <rbres/core/lie.hpp>
 #include <rbres/core/pack.hpp>
 #include <rbres/core/parallel.hpp>
 #include <rbres/core/philox.hpp>

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <rbres/core/lie.hpp>
 #include <rbres/eval/timing.hpp>
 #include <rbres/eval/training_set.hpp>
 #include <span>
@@ -16,12 +17,8 @@ struct ConstantVelocity {
   SystemState<double, 5> operator()(SystemState<double, 5> y, const std::array<Wrench<double>, 5>&,
                                     int present) const {
     for (int b = 0; b < present; ++b) {
-      const Vec3<double> turn = horizon * y[b].angular_velocity;
-      const double angle = norm(turn);
-      const double s = angle > 1e-12 ? std::sin(0.5 * angle) / angle : 0.5;
       y[b].position += horizon * y[b].velocity;
-      y[b].orientation = normalized(y[b].orientation *
-                                    Quat<double>{s * turn.x, s * turn.y, s * turn.z, std::cos(0.5 * angle)});
+      y[b].orientation = normalized(y[b].orientation * quaternion_exp(horizon * y[b].angular_velocity));
     }
     return y;
   }
