@@ -33,7 +33,8 @@ BallPredictor trained() {
 
 BallPredictor loaded(const char* path) {
   const SafetensorsReader file(path);
-  detail::require_metadata(file, {{"world", "room"}, {"set", "standard"}});
+  file.require_digest("; train it again");
+  require_metadata(file, {{"world", "room"}, {"set", "standard"}});
   return ModelFormat<BallPredictor>::read(file);
 }
 

@@ -43,7 +43,7 @@ bool load_as(const SafetensorsReader& file, AnyPredictor& any) {
   using Predictor = paper::PredictorOf<A>;
   const auto found = file.metadata().find("architecture");
   if (found == file.metadata().end() ||
-      found->second != detail::network_metadata<typename Predictor::Network>().at("architecture")) {
+      found->second != network_metadata<typename Predictor::Network>().at("architecture")) {
     return false;
   }
   auto predictor = ModelFormat<Predictor>::read(file);
@@ -58,7 +58,8 @@ bool load_as(const SafetensorsReader& file, AnyPredictor& any) {
 AnyPredictor load_any(const std::string& path) {
   using enum paper::Architecture;
   const SafetensorsReader file(path);
-  detail::require_metadata(file, {{"scenarios", std::string(scenario_version)}});
+  file.require_digest("; train it again");
+  require_metadata(file, {{"scenarios", std::string(scenario_version)}});
   AnyPredictor any{choose(file, "world", {World::free_space, World::room}),
                    choose(file, "set", {BodySet::standard, BodySet::box}), 0, nullptr};
   if (!(load_as<residual10>(file, any) || load_as<residual4>(file, any) || load_as<forward4>(file, any) ||

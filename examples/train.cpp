@@ -1,7 +1,10 @@
 // Simulates, trains, evaluates and saves one predictor, by the protocol of arXiv 2407.18798 unless told
 // otherwise.
+#include <unistd.h>
+
 #include <charconv>
 #include <map>
+#include <optional>
 
 #include "common/command_line.hpp"
 #include "paper/training.hpp"
@@ -33,8 +36,14 @@ Metadata metadata(const Options& o) {
           {"scenarios", std::string(scenario_version)}};
 }
 
+/// The files that a run ends with, open from its start: nobody else writes them meanwhile.
+struct Outputs {
+  AtomicFile model;
+  std::optional<AtomicFile> table;
+};
+
 /// Refuses, before hours of work, to write what is there or cannot be written.
-void check_files(const Options& o) {
+Outputs open_files(const Options& o) {
   if (o.resume && o.checkpoint.empty())
     throw Error("--resume: goes on from a --checkpoint FILE, none is given");
   std::map<std::filesystem::path, std::string> seen;
@@ -47,11 +56,30 @@ void check_files(const Options& o) {
     if (std::filesystem::exists(path))
       throw Error(option + ": " + file + " exists and would be overwritten" +
                   (option == "--checkpoint" ? "; --resume goes on from it" : ""));
-    AtomicFile trial(path);
   };
   check("--checkpoint", o.checkpoint, o.resume);
+  if (!o.checkpoint.empty()) AtomicFile trial(o.checkpoint);
+  if (o.out.empty()) throw Error("--out: expected the name of a file, found none");
   check("--out", o.out, false);
   check("--json", o.json, false);
+  Outputs files{AtomicFile(o.out), {}};
+  if (!o.json.empty()) files.table.emplace(o.json).reserve(1 << 16);
+  return files;
+}
+
+/// Puts the model in its place. Where that fails it goes to the folder for temporary files, as what was
+/// learned in hours must not be lost.
+template <class Model>
+void save_model(AtomicFile& file, const Model& model, const Metadata& made_for) {
+  try {
+    save(file, model, made_for);
+    file.commit_new();
+  } catch (const Error& problem) {
+    const std::string name = "rbres_train-" + std::to_string(::getpid()) + ".safetensors";
+    const auto rescued = std::filesystem::temp_directory_path() / name;
+    save(rescued, model, made_for);
+    throw Error(problem.what() + ("; the model is " + rescued.string()));
+  }
 }
 
 template <BodySet Set>
@@ -85,10 +113,11 @@ void print_row(const char* method, const Metrics& m) {
 }
 
 template <Architecture A, BodySet Set>
-void train(const Options& o, const ScenarioData& data) {
+void train(const Options& o, const ScenarioData& data, Outputs& files) {
   // Scenarios 0 ... tenth - 1 are the test set, those up to 2 tenth validate.
   const Eigen::Index n = data.count(), tenth = n / 10;
   using Network = typename paper::NetworkOf<A>::type;
+  files.model.reserve(Network::parameter_count * sizeof(float) + (1 << 20));  // and a megabyte of metadata
   PredictorOf<A> predictor{Network(o.training.seed), {}, {}, free_flow<Set>(), o.target};
   const TrainingSet<PredictorOf<A>> set(predictor, data, 0, 2 * tenth, n);
   Trainer trainer(predictor.network, set.samples(2 * tenth, n - 2 * tenth), set.samples(tenth, tenth),
@@ -116,7 +145,7 @@ void train(const Options& o, const ScenarioData& data) {
         detail::text("after epoch ", done.epoch,
                      " the loss was no number; a smaller --learning-rate may help; no model is saved"));
   predictor.network = trainer.best();
-  save(o.out, predictor, metadata(o));
+  save_model(files.model, predictor, metadata(o));
   std::printf("\n  %s after epoch %d; the best was epoch %d\n\n",
               status == TrainingStatus::early_stopped ? "stopped early" : "done",
               static_cast<int>(done.epoch), static_cast<int>(done.best_epoch));
@@ -129,25 +158,31 @@ void train(const Options& o, const ScenarioData& data) {
     return predictor.predict(state, wrench, present);
   });
   const Metrics flow = error(ContactFree{free_flow<Set>(), o.horizon});
+  for (const double x :
+       {model.position, model.orientation, model.velocity, model.angular_velocity, model.angle, model.energy})
+    if (!std::isfinite(x))
+      throw Error("the model " + o.out + " predicts numbers that are not finite for the test scenarios");
   std::printf("%g s ahead, %ld test scenarios, mean square errors per component\n", o.horizon,
               static_cast<long>(tenth));
   std::printf("  %-18s %12s %12s %12s %12s %10s %8s\n", "", "position", "orientation", "velocity",
               "ang. vel.", "angle deg", "ECE %");
   print_row("model", model);
   print_row("contact-free flow", flow);
-  if (!o.json.empty()) {
+  if (files.table) {
     const Json found{{"model", paper::to_json(model)}, {"contact-free flow", paper::to_json(flow)},
                      {"test_scenarios", tenth},        {"epochs", done.epoch},
                      {"best_epoch", done.best_epoch},  {"best_validation_loss", done.best_loss}};
-    paper::write_text(o.json, found.dump(1) + "\n");
+    const std::string text = found.dump(1) + "\n";
+    files.table->write(text.data(), text.size());
+    files.table->commit_new();
   }
   std::printf("\nThe model: %s\n", o.out.c_str());
 }
 
 template <BodySet Set>
-void run(const Options& o) {
+void run(const Options& o, Outputs& files) {
   const ScenarioData data = data_of<Set>(o);
-  paper::with_architecture(o.architecture, [&](auto a) { train<a(), Set>(o, data); });
+  paper::with_architecture(o.architecture, [&](auto a) { train<a(), Set>(o, data, files); });
 }
 
 /// An option that takes one of some names.
@@ -228,7 +263,7 @@ int main(int argc, char** argv) {
   app.add_option("--out", o.out, "file of the model; rbres_rollout takes it")->capture_default_str();
   app.add_option("--json", o.json, "file for the table's figures");
   return run_program("rbres_train", app, argc, argv, [&] {
-    check_files(o);
-    o.set == BodySet::standard ? run<BodySet::standard>(o) : run<BodySet::box>(o);
+    Outputs files = open_files(o);
+    o.set == BodySet::standard ? run<BodySet::standard>(o, files) : run<BodySet::box>(o, files);
   });
 }

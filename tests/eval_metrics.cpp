@@ -47,6 +47,27 @@ TEST_CASE("truth itself has no error; a quaternion's sign is none") {
     CHECK(x == 0);
 }
 
+TEST_CASE("truth that is no state is refused, and predictions that are not finite are not hidden") {
+  const ScenarioData good = at_rest(2);
+  for (const auto& [row, wrong] : {std::pair{0, std::numeric_limits<float>::quiet_NaN()},
+                                   {20, std::numeric_limits<float>::infinity()},
+                                   {6, 0.0f}}) {
+    ScenarioData data = good;
+    data.states[0](row, 1) = wrong;
+    const std::string name = row < 13 ? "truth of scenario 1, body 0: " : "truth of scenario 1, body 1: ";
+    CHECK_THROWS_WITH_AS(compare(data, truth(good)),
+                         doctest::Contains((name + "expected finite numbers and an orientation").c_str()),
+                         Error);
+  }
+  Eigen::MatrixXd guess = truth(good);
+  guess(0, 1) = std::numeric_limits<double>::quiet_NaN();
+  const Metrics m = compare(good, guess);
+  CHECK(std::isnan(m.position));
+  CHECK(std::isnan(m.relative_median[0]));
+  CHECK(m.velocity == 0);
+  CHECK(std::isnan(position_quartiles(good, 0, 0, guess, [](std::size_t) { return true; }).median));
+}
+
 TEST_CASE("mean squares are per component and over present bodies") {
   const ScenarioData data = at_rest(2);
   Eigen::MatrixXd guess = truth(data);

@@ -7,6 +7,7 @@
 
 #include "io_checkpoint_run.hpp"
 #include "io_file_size_limit.hpp"
+#include "io_reseal.hpp"
 #include "io_support.hpp"
 
 using namespace rbres;
@@ -146,6 +147,12 @@ TEST_CASE("a checkpoint of another run is refused with both") {
                    load_checkpoint(path, trainer, {{"more", ""}});
                  }),
                  "metadata 'more': expected '', found none"));
+  for (const char* key : {"architecture", "scalar", "options", "sha256"}) {
+    CAPTURE(key);
+    const std::string expected = detail::text("keys that leave its own alone, found '", key, "'");
+    CHECK(contains(error_of([&] { save_checkpoint(path, trainer, {{key, "mine"}}); }), expected));
+    CHECK(contains(error_of([&] { load_checkpoint(path, trainer, {{key, "mine"}}); }), expected));
+  }
   run.options.seed = 4;
   auto other_options = run.trainer();
   const std::string error = error_of([&] { load_checkpoint(path, other_options); });
@@ -208,7 +215,11 @@ TEST_CASE("malformed checkpoints are refused and change nothing") {
   const auto changed = [&](std::size_t number, std::uint64_t value) {
     std::string bytes = valid;
     std::memcpy(bytes.data() + 8 + header + 8 * number, &value, 8);
-    write_bytes(path, bytes);
+    if (bytes != valid) {
+      write_bytes(path, bytes);
+      CHECK(contains(error_of([&] { read(path); }), path.string() + ": SHA-256 digest"));
+    }
+    write_bytes(path, resealed(bytes));
     return error_of([&] { read(path); });
   };
   CHECK(contains(changed(0, 7), "expected the progress of a run"));  // epochs of 6
@@ -220,7 +231,7 @@ TEST_CASE("malformed checkpoints are refused and change nothing") {
   std::string bytes = valid;
   const float nan = std::numeric_limits<float>::quiet_NaN();
   std::memcpy(bytes.data() + 8 + header + 5 * 8 + (3 * SmallRun::Net::parameter_count - 1) * 4, &nan, 4);
-  write_bytes(path, bytes);
+  write_bytes(path, resealed(bytes));
   CHECK(contains(error_of([&] { read(path); }), "tensor 'moments.1."));
   CHECK(same_bits(target.network(), before));
   CHECK(changed(0, 0) == "");

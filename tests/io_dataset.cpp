@@ -1,6 +1,9 @@
 #include "io_file_size_limit.hpp"
+#include "io_reseal.hpp"
 #include "io_support.hpp"
 
+#include <cstring>
+#include <limits>
 #include <map>
 
 #include <rbres/io/dataset.hpp>
@@ -89,10 +92,10 @@ TEST_CASE("stopped and resumed is unbroken") {
     CHECK(contains(error_of([&] { read_dataset(path, sampler, count, horizons); }),
                    "4618 scenarios done, found "));
     if (stop > 0) {  // a kill amid a piece leaves more than was done in some files
-      std::ofstream(path / "wrench.npy.partial", std::ios::app) << "half a piece";
+      std::ofstream(AtomicFile::partial(path / "wrench.npy"), std::ios::app) << "half a piece";
     }
     if (stop == count) {  // and one amid the last step some arrays in their places
-      std::filesystem::rename(path / "family.npy.partial", path / "family.npy");
+      std::filesystem::rename(AtomicFile::partial(path / "family.npy"), path / "family.npy");
     }
     std::vector<Eigen::Index> heard;
     write_dataset(path, sampler, count, horizons, {}, [&](Eigen::Index done) { heard.push_back(done); });
@@ -175,10 +178,112 @@ TEST_CASE("folders of another setting, foreign and broken ones are refused, and 
   refused("dataset.json", R"({"done": -1})");
   REQUIRE(read(sampler) == "");
   std::string version = before.at("dataset.json");
-  version.replace(version.find("standard-2"), 10, "standard-0");
+  version.replace(version.find("standard-3"), 10, "standard-0");
   write_bytes(path / "dataset.json", version);
-  CHECK(contains(read(sampler), R"(scenario_version: expected "standard-2", found "standard-0")"));
-  CHECK(contains(write(sampler, path), R"(scenario_version: expected "standard-2", found "standard-0")"));
+  CHECK(contains(read(sampler), "dataset.json: SHA-256 digest: expected"));
+  write_bytes(path / "dataset.json", resealed(version));
+  CHECK(contains(read(sampler), R"(scenario_version: expected "standard-3", found "standard-0")"));
+  CHECK(contains(write(sampler, path), R"(scenario_version: expected "standard-3", found "standard-0")"));
+}
+
+TEST_CASE("a data set of the format before, or that is half made by another build, is refused with why") {
+  const TemporaryFolder folder;
+  const auto path = folder / "a";
+  write_dataset(path, sampler, few, horizons, {}, [](Eigen::Index) {});
+  const std::string valid = read_bytes(path / "dataset.json");
+  const auto replaced = [&](std::string bytes, const std::string& from, const std::string& to) {
+    REQUIRE(contains(bytes, from));
+    write_bytes(path / "dataset.json", resealed(bytes.replace(bytes.find(from), from.size(), to)));
+  };
+  const auto check_refused = [&](const std::string& why) {
+    CHECK(contains(error_of([&] { read_dataset(path, sampler, few, horizons); }), why));
+    CHECK(contains(error_of([&] { write_dataset(path, sampler, few, horizons, {}, [](Eigen::Index) {}); }),
+                   why));
+  };
+  replaced(valid, "\"format\": 2", "\"format\": 1");
+  check_refused(
+      "dataset.json: format: expected 2, found 1: rbres 0.1.0 before digests made it, and truth of "
+      "boxes that hit planes was wrong then");
+  replaced(valid, "\"format\": 2", "\"format\": 3");
+  check_refused("dataset.json: format: expected 2, found 3");
+  replaced(valid, "continuous", "discrete");
+  check_refused("contacts: expected \"continuous\", found \"discrete\"");
+  const std::string lanes = "\"lanes\": " + std::to_string(detail::truth_lanes);
+  replaced(valid, lanes, "\"lanes\": 64");
+  CHECK(error_of([&] { read_dataset(path, sampler, few, horizons); }) == "");  // done: nothing is mixed
+
+  CHECK_THROWS_AS(make(folder / "half", 2304), Stop);
+  const std::string half = read_bytes(folder / "half/dataset.json");
+  write_bytes(folder / "half/dataset.json",
+              resealed(std::string(half).replace(half.find(lanes), lanes.size(), "\"lanes\": 64")));
+  CHECK(contains(error_of([&] { make(folder / "half"); }), "half: build: expected {\"lanes\":"));
+  write_bytes(folder / "half/dataset.json", half);
+  CHECK(error_of([&] { make(folder / "half"); }) == "");
+}
+
+TEST_CASE("scenarios that were changed are refused, read or resumed") {
+  const TemporaryFolder folder;
+  const auto path = folder / "half";
+  CHECK_THROWS_AS(make(path, 2304), Stop);
+  const auto before = files(path);
+  for (const auto& [name, bytes] : before) {
+    if (name == "dataset.json") continue;
+    for (const std::size_t at : {std::size_t{128}, bytes.size() / 2, bytes.size() - 1}) {
+      CAPTURE(name);
+      CAPTURE(at);
+      std::string changed = bytes;
+      changed[at] = static_cast<char>(changed[at] ^ 4);
+      write_bytes(path / name.c_str(), changed);
+      CHECK(contains(error_of([&] { make(path); }), (path / name).string() + ": SHA-256 digest: expected "));
+    }
+    write_bytes(path / name.c_str(), bytes.substr(0, bytes.size() - 1));
+    CHECK(contains(error_of([&] { make(path); }), (path / name).string() + ": expected at least "));
+    write_bytes(path / name.c_str(), bytes);
+  }
+  make(path);
+  const auto whole = files(path);
+  for (const auto& [name, bytes] : whole) {
+    CAPTURE(name);
+    std::string changed = bytes;
+    changed[bytes.size() / 2] = static_cast<char>(changed[bytes.size() / 2] ^ 4);
+    write_bytes(path / name.c_str(), changed);
+    CHECK(contains(error_of([&] { read_dataset(path, sampler, 1, horizons); }), (path / name).string()));
+    write_bytes(path / name.c_str(), bytes);
+  }
+}
+
+TEST_CASE("numbers that no scenario has are refused, whoever wrote them") {
+  const TemporaryFolder folder;
+  const auto path = folder / "a";
+  write_dataset(path, sampler, few, horizons, {}, [](Eigen::Index) {});
+  const auto before = files(path);
+  const auto error_with = [&](const char* name, auto number) {
+    std::string array = before.at(name), description = before.at("dataset.json");
+    std::memcpy(array.data() + 128, &number, sizeof number);
+    const auto digest = [](const std::string& bytes) {
+      Sha256 hash;
+      hash.add(bytes.data(), bytes.size());
+      return hash.text();
+    };
+    description.replace(description.find(digest(before.at(name))), 64, digest(array));
+    write_bytes(path / name, array);
+    write_bytes(path / "dataset.json", resealed(description));
+    const std::string error = error_of([&] { read_dataset(path, sampler, few, horizons); });
+    write_bytes(path / name, before.at(name));
+    return error;
+  };
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  for (const char* name : {"initial.npy", "wrench.npy", "state_0.02s.npy"}) {
+    for (const float x : {nan, std::numeric_limits<float>::infinity(), -1e30f})
+      CHECK(
+          contains(error_with(name, x), (path / name).string() + ": scenario 0: expected numbers up to 1e6"));
+  }
+  CHECK(contains(error_with("first_contact.npy", nan), "expected times of 0 s or more, found nan"));
+  CHECK(contains(error_with("first_contact.npy", -1.0f), "expected times of 0 s or more, found -1"));
+  CHECK(contains(error_with("impacts.npy", std::int32_t{-1}), "expected numbers of 0 or more, found -1"));
+  CHECK(contains(error_with("body_count.npy", std::uint8_t{6}), "3 to 5 bodies, found 6"));
+  CHECK(contains(error_with("family.npy", std::uint8_t{5}), "families 0 to 4, found 5"));
+  CHECK(error_with("first_contact.npy", 0.25f) == "");
 }
 
 TEST_CASE("two processes do not make one data set") {

@@ -1,3 +1,4 @@
+#include "io_reseal.hpp"
 #include "io_support.hpp"
 
 #include <cstring>
@@ -31,7 +32,7 @@ std::string error_with(const std::filesystem::path& path, const std::string& key
   REQUIRE(file.metadata.contains(key));
   file.metadata.erase(key);
   if (value != nullptr) file.metadata[key] = value;
-  file.write(path);
+  file.write_with_digest(path);
   return error_of([&] { load<Two>(path); });
 }
 
@@ -87,9 +88,15 @@ TEST_CASE("metadata that are missing or make no sense are refused by name") {
   }
   CHECK(contains(error_with(path, "horizon", "-1 "), "horizon"));
   CHECK(contains(error_with(path, "horizon", "nan "), "horizon"));
+  CHECK(contains(error_with(path, "horizon", "5e9 "), "numbers from 1e-06 to 3600, found 5000000000"));
+  CHECK(contains(error_with(path, "flow_forces", "0 0 -9e31 1 1 1 1 1 "), "flow_forces"));
+  CHECK(contains(error_with(path, "flow_forces", "0 0 -9 1 1 1 1 -1 "), "flow_forces"));
+  Two far = made();
+  far.horizon = 5e9;
+  CHECK(contains(error_of([&] { save(path, far); }), "horizon of a saved predictor"));
   std::string zeros;
   for (int i = 0; i < 38; ++i) zeros += "0 ";
-  CHECK(contains(error_with(path, "input_deviation", zeros.c_str()), "deviations"));
+  CHECK(contains(error_with(path, "input_deviation", zeros.c_str()), "numbers from 1e-30 to 1e+30, found 0"));
   CHECK(contains(error_with(path, "flow_bodies", "9 1 1 1 1 1 1 1 0 1 1 1 1 1 1 1 "), "flow_bodies"));
   CHECK(error_with(path, "target", "residual").empty());
 }
@@ -106,8 +113,10 @@ TEST_CASE("files of other lengths and with other weights are refused") {
   }
   std::string changed = bytes;
   changed[changed.size() - 2] = static_cast<char>(changed[changed.size() - 2] ^ 0x40);  // a weight's exponent
-  write_bytes(path, changed);
-  CHECK(contains(error_of([&] { load<Two>(path); }), path.string()));
+  for (const std::string& file : {changed, resealed(changed)}) {
+    write_bytes(path, file);
+    CHECK(contains(error_of([&] { load<Two>(path); }), path.string()));
+  }
 }
 
 TEST_CASE("a shape that is turned against the principal axes is not saved") {

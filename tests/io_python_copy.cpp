@@ -58,7 +58,8 @@ int main(int argc, char** argv) try {
   }
   if (how == "network") {
     const std::string in = argv[2];
-    rbres::save(argv[3], in.empty() ? exported_float() : rbres::load<decltype(exported_float())>(in));
+    rbres::save(argv[3], in.empty() ? exported_float()
+                                    : rbres::load<decltype(exported_float())>(in, rbres::Digest::optional));
   }
 } catch (const std::exception& error) {
   std::cerr << error.what() << '\n';

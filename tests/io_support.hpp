@@ -4,6 +4,7 @@
 
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <string>
 
@@ -66,15 +67,17 @@ void check_other_lengths_refused(const std::filesystem::path& path, const std::s
   }
 }
 
-/// Any single changed byte: read or refused with an Error, nothing else. Returns how many files were refused.
-template <class Read>
-int check_changed_bytes(const std::filesystem::path& path, const std::string& bytes, const Read& read) {
+/// Any single changed byte, and then what `after` makes of the file: read or refused with an Error, nothing
+/// else. Returns how many files were refused.
+template <class Read, class After = std::identity>
+int check_changed_bytes(const std::filesystem::path& path, const std::string& bytes, const Read& read,
+                        const After& after = {}) {
   int refused = 0;
   for (std::size_t i = 0; i < bytes.size(); ++i) {
     for (const int change : {0x01, 0x02, 0x04, 0x08, 0x10, 0x20, 0x40, 0x80, 0xff}) {
       std::string changed = bytes;
       changed[i] = static_cast<char>(changed[i] ^ change);
-      write_bytes(path, changed);
+      write_bytes(path, after(changed));
       CAPTURE(i);
       CAPTURE(change);
       CHECK_NOTHROW(refused += !error_of([&] { read(path); }).empty());

@@ -192,3 +192,17 @@ TEST_CASE("samples are encoded, normalised, and without weight where a body is a
   CHECK_THROWS_AS((TrainingSet<Small>(p, data, 0, 12, 12)), Error);
   CHECK_THROWS_AS((TrainingSet<Small>(p, data, 0, 4, 13)), Error);
 }
+
+TEST_CASE("the contact-free flow ends for any horizon") {
+  const FreeFlow<1> flow{System<double, 1>({Body<double, AnyShape<double>>(Sphere<double>{0.1}, 1.0)})};
+  const std::array<Wrench<double>, 1> wrench{};
+  SystemState<double, 1> start;
+  start[0].velocity = {1, 2, 3};
+  for (const double duration : {5e9, 3600.1, 1e300, std::numeric_limits<double>::infinity(),
+                                std::numeric_limits<double>::quiet_NaN(), -1.0}) {
+    CAPTURE(duration);
+    CHECK(flow(start, wrench, duration).vector().array().isNaN().all());
+  }
+  CHECK(flow(start, wrench, 0) == start);
+  CHECK(flow(start, wrench, FreeFlow<1>::longest).vector().allFinite());
+}

@@ -31,12 +31,9 @@ inline void write_text(const std::filesystem::path& path, const std::string& tex
 
 class Store {
  public:
-  explicit Store(std::filesystem::path folder) : folder_(std::move(folder)) {
-    std::error_code problem;
-    std::filesystem::create_directories(folder_ / "parts", problem);
-    if (!problem) std::filesystem::create_directories(folder_ / "models", problem);
-    if (problem) throw rbres::Error(folder_.string() + ": cannot be made: " + problem.message());
-  }
+  /// Throws Error where the folder cannot be made, or another process works in it.
+  explicit Store(std::filesystem::path folder)
+      : folder_(std::move(folder)), lock_(made(folder_), "works in this folder") {}
 
   const std::filesystem::path& folder() const { return folder_; }
   std::filesystem::path model(const std::string& part) const {
@@ -75,7 +72,16 @@ class Store {
   }
 
  private:
+  static const std::filesystem::path& made(const std::filesystem::path& folder) {
+    std::error_code problem;
+    std::filesystem::create_directories(folder / "parts", problem);
+    if (!problem) std::filesystem::create_directories(folder / "models", problem);
+    if (problem) throw rbres::Error(folder.string() + ": cannot be made: " + problem.message());
+    return folder;
+  }
+
   std::filesystem::path folder_;
+  rbres::FolderLock lock_;
 };
 
 }  // namespace paper

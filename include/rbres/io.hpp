@@ -4,7 +4,8 @@
 /// nlohmann_json and POSIX besides what <rbres/rbres.hpp> needs.
 ///
 ///     save("model.safetensors", network);                       // Python's safetensors reads it
-///     const auto network = load<Network>("model.safetensors");  // also what PyTorch wrote
+///     const auto network = load<Network>("model.safetensors");
+///     const auto theirs = load<Network>("torch.safetensors", Digest::optional);  // PyTorch stores no digest
 ///     save_checkpoint("run.safetensors", trainer);              // after each epoch
 ///     load_checkpoint("run.safetensors", trainer);              // goes on to the same bits
 ///     write_npy("inputs.npy", inputs);                          // columns are samples: (samples, features)
@@ -14,7 +15,9 @@
 #include <rbres/io/atomic_file.hpp>
 #include <rbres/io/checkpoint.hpp>
 #include <rbres/io/dataset.hpp>
+#include <rbres/io/digest.hpp>
 #include <rbres/io/export_header.hpp>
+#include <rbres/io/folder_lock.hpp>
 #include <rbres/io/gltf.hpp>
 #include <rbres/io/model.hpp>
 #include <rbres/io/npy.hpp>

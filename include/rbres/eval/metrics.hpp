@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 #include <rbres/body/mechanics.hpp>
+#include <rbres/core/error.hpp>
 #include <vector>
 
 namespace rbres {
@@ -41,7 +42,8 @@ struct Quartiles {
 namespace detail {
 
 inline double quantile(std::vector<double> values, double q) {
-  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
+  const bool has_nan = std::any_of(values.begin(), values.end(), [](double x) { return std::isnan(x); });
+  if (values.empty() || has_nan) return std::numeric_limits<double>::quiet_NaN();
   std::sort(values.begin(), values.end());
   const double at = q * static_cast<double>(values.size() - 1);
   const auto i = static_cast<std::size_t>(at);
@@ -67,7 +69,8 @@ inline double degrees_between(const double* p, const double* q) {
 
 /// Compares predictions (65 x n, column c for scenario first + c) with truth at horizon h of `data` (a
 /// ScenarioData; a template, so that only those who call it compile it). `moments` are the bodies' principal
-/// moments of inertia (kg m^2), `mass` is theirs (kg).
+/// moments of inertia (kg m^2), `mass` is theirs (kg). Error where truth is no state; predictions that are
+/// not finite give metrics that are not.
 template <class Data, class Predicted>
 Metrics measure(const Data& data, std::size_t h, std::ptrdiff_t first, const Predicted& predicted,
                 const Vec3<double>& moments, double mass) {
@@ -94,6 +97,10 @@ Metrics measure(const Data& data, std::size_t h, std::ptrdiff_t first, const Pre
       double *truth = &true_state.position.x, *guess = &guessed_state.position.x;
       std::copy_n(data.states[h].data() + (first + c) * data.states[h].rows() + 13 * b, 13, truth);
       std::copy_n(predicted.data() + c * predicted.rows() + 13 * b, 13, guess);
+      const bool finite = std::all_of(truth, truth + 13, [](double x) { return std::isfinite(x); });
+      if (!finite || std::all_of(truth + 3, truth + 7, [](double x) { return x == 0; }))
+        detail::refuse(detail::text("truth of scenario ", scenario, ", body ", b),
+                       "finite numbers and an orientation", "others");
       m.angle += detail::degrees_between(guess + 3, truth + 3);
       double side = 0;
       for (int i = 3; i < 7; ++i) side += guess[i] * truth[i];

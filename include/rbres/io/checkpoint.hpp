@@ -11,6 +11,7 @@
 #include <vector>
 
 #include <rbres/core/error.hpp>
+#include <rbres/io/metadata.hpp>
 #include <rbres/io/parameters.hpp>
 #include <rbres/io/safetensors.hpp>
 #include <rbres/nn/trainer.hpp>
@@ -31,7 +32,9 @@ template <class Net, class Optimizer>
 Metadata checkpoint_metadata(const Trainer<Net, Optimizer>& trainer, const Metadata& metadata) {
   Metadata all = network_metadata<Net>();
   all["options"] = options_text(trainer.options());
-  all.insert(metadata.begin(), metadata.end());
+  for (const auto& [key, value] : metadata)
+    if (key == digest_key || !all.emplace(key, value).second)
+      refuse("metadata of a checkpoint", "keys that leave its own alone", "'" + key + "'");
   return all;
 }
 
@@ -49,11 +52,12 @@ auto state_blocks(State& state) {
 
 /// Saves all that a training run needs to go on with the same bits, beside its samples, optimiser and loss,
 /// as a safetensors file: "network.0.weight", ..., "best.0.weight", ..., "moments.0.0.weight", ... and
-/// "progress". Atomic (see AtomicFile): a run killed at any moment leaves the whole old checkpoint or the
-/// whole new one. Call it after each epoch:
+/// "progress", with a digest of it all. Atomic (see AtomicFile): a run killed at any moment leaves the whole
+/// old checkpoint or the whole new one. Call it after each epoch:
 ///     trainer.train([&](const EpochReport&) { save_checkpoint(path, trainer); return true; });
 /// `metadata` say what else the run depends on, such as its data set, and must be the same when it is
-/// resumed. A diverged run saves nothing: the checkpoint of its last good epoch stays.
+/// resumed; the keys "architecture", "scalar", "options" and "sha256" are taken. A diverged run saves
+/// nothing: the checkpoint of its last good epoch stays.
 template <class Net, class Optimizer>
 void save_checkpoint(const std::filesystem::path& path, const Trainer<Net, Optimizer>& trainer,
                      const Metadata& metadata = {}) {
@@ -69,18 +73,19 @@ void save_checkpoint(const std::filesystem::path& path, const Trainer<Net, Optim
                                              std::bit_cast<std::uint64_t>(progress.best_loss),
                                              static_cast<std::uint64_t>(progress.status)};
   file.add("progress", {static_cast<Eigen::Index>(numbers.size())}, numbers.data());
-  file.write(path);
+  file.write_with_digest(path);
 }
 
 /// Lets a trainer go on from a checkpoint that a trainer with the same samples, options, optimiser and loss
-/// saved; a run that its callback stopped goes on too. Error that names the path when the file is malformed,
-/// or is of another network, other options (but for the threads) or other metadata; the trainer is then as it
-/// was.
+/// saved; a run that its callback stopped goes on too. Error that names the path when the file is malformed
+/// or changed, or is of another network, other options (but for the threads) or other metadata; the trainer
+/// is then as it was.
 template <class Net, class Optimizer>
 void load_checkpoint(const std::filesystem::path& path, Trainer<Net, Optimizer>& trainer,
                      const Metadata& metadata = {}) {
   const SafetensorsReader file(path);
-  detail::require_metadata(file, detail::checkpoint_metadata(trainer, metadata));
+  file.require_digest("; its weights can be read with SafetensorsReader, its run must be made again");
+  require_metadata(file, detail::checkpoint_metadata(trainer, metadata));
   std::array<std::uint64_t, 5> numbers{};
   file.read("progress", {static_cast<Eigen::Index>(numbers.size())}, numbers.data());
   TrainingProgress progress{numbers[0], numbers[1], numbers[2], std::bit_cast<double>(numbers[3]),

@@ -1,18 +1,15 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
+#include <cstdint>
 #include <filesystem>
 #include <string>
-#include <string_view>
-#include <system_error>
 #include <utility>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
-#include <rbres/io/atomic_file.hpp>
-#include <rbres/io/npy.hpp>
-#include <rbres/sim/dataset.hpp>
+#include <rbres/io/dataset_folder.hpp>
+#include <rbres/io/folder_lock.hpp>
 
 /// Data sets on disk: a folder that anyone's NumPy reads. Arrays count scenarios first, in C order:
 ///     initial.npy        float32 (n, 5, 13)   states at the start, body by body
@@ -22,106 +19,26 @@
 ///     family.npy         uint8   (n,)         0 flight, 1 pair, 2 cluster, 3 drop, 4 scatter
 ///     first_contact.npy  float32 (n,)         s, to within a sample; inf: none
 ///     impacts.npy        int32   (n, h)       impacts by each of the h horizons
-///     dataset.json       what they were made from, and how many scenarios are "done"
+///     dataset.json       what they were made from, how many scenarios are "done", and the SHA-256 of each
+///                        array's file; its own is that of its text with zeros in the digest's place
 /// Columns and units are those of ScenarioData. The arrays appear when all scenarios are done.
 namespace rbres {
 
 namespace detail {
 
-using Json = nlohmann::ordered_json;
-
-/// What a data set depends on, and nothing else.
-template <BodySet Set>
-Json dataset_setting(const ScenarioSampler<Set>& sampler, Eigen::Index count,
-                     const std::vector<double>& horizons, const TruthOptions& options) {
-  return {{"format", 1},
-          {"scenario_version", scenario_version},
-          {"world", name(sampler.world())},
-          {"set", name(Set)},
-          {"seed", sampler.seed()},
-          {"truth_step", options.step},
-          {"sample_rate", options.sample_rate},
-          {"horizons", horizons},
-          {"scenarios", count}};
-}
-
-/// A folder with a data set in it, or to make one in.
-class DatasetFolder {
- public:
-  explicit DatasetFolder(std::filesystem::path path) : path_(std::move(path)) {}
-
-  const std::filesystem::path& path() const { return path_; }
-  std::string text() const { return path_.string(); }
-  std::filesystem::path description() const { return path_ / "dataset.json"; }
-  std::filesystem::path state(double horizon) const {
-    return path_ / ("state_" + Json(horizon).dump() + "s.npy");  // not by locale, as streams would
-  }
-  bool described() const { return std::filesystem::exists(description()); }
-
-  Json read_description() const {
-    const InputFile file(description());
-    if (file.size() > 1'000'000) refuse(file.path().string(), "at most a megabyte", file.size());
-    std::string bytes(file.size(), '\0');
-    file.read(0, bytes.data(), bytes.size());
-    Json found = Json::parse(bytes, nullptr, false);
-    const bool is_ours = found.is_object() && found.contains("done") && found["done"].is_number_unsigned();
-    if (!is_ours) refuse(file.path().string(), "the description of a data set", "something else");
-    return found;
-  }
-
-  void write_description(const Json& setting, Eigen::Index done) const {
-    Json all = setting;
-    all["done"] = static_cast<std::uint64_t>(done);
-    const std::string bytes = all.dump(1) + "\n";
-    AtomicFile file(description());
-    file.write(bytes.data(), bytes.size());
-    file.commit();
-  }
-
-  /// Refuses a description in which `key` is not what it should be.
-  void require(const Json& description, const Json& setting, const std::string& key) const {
-    const Json found = description.value(key, Json("none"));
-    if (found != setting[key]) refuse(text() + ": " + key, setting[key].dump(), found);
-  }
-
-  /// Makes the folder where there is none. Refuses one that holds anything else than a data set.
-  void make() const {
-    std::error_code problem;
-    std::filesystem::create_directories(path_, problem);
-    if (problem) throw Error(detail::text(text(), ": cannot be made: ", problem.message()));
-    if (described()) return;
-    for (const auto& entry : std::filesystem::directory_iterator(path_))
-      if (const auto name = entry.path().filename().string(); name != "dataset.json.partial")
-        refuse(text(), "a data set or an empty folder", "one that holds " + name);
-  }
-
-  /// Keeps other processes out while it lives.
-  FileDescriptor lock() const {
-    FileDescriptor folder(::open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
-    if (!folder.valid()) refuse_file(path_, "read");
-    if (::flock(folder.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
-      throw Error(detail::text(text(), ": another process makes this data set"));
-    return folder;
-  }
-
- private:
-  std::filesystem::path path_;
-};
-
 /// The arrays of a data set of which the first `done` scenarios are written.
 class DatasetWriter {
  public:
-  DatasetWriter(const DatasetFolder& folder, const std::vector<double>& horizons, Eigen::Index done)
-      : initial_(path(folder, "initial.npy"), {ScenarioData::bodies, RigidState<float>::size}, done),
-        wrench_(path(folder, "wrench.npy"), {ScenarioData::bodies, Wrench<float>::size}, done),
-        body_count_(path(folder, "body_count.npy"), {}, done),
-        family_(path(folder, "family.npy"), {}, done),
-        first_contact_(path(folder, "first_contact.npy"), {}, done),
-        impacts_(path(folder, "impacts.npy"), {std::ssize(horizons)}, done) {
-    for (const double h : horizons) {
-      states_.emplace_back(unfinished(folder.state(h)),
-                           std::vector<Eigen::Index>{ScenarioData::bodies, RigidState<float>::size}, done);
-    }
+  DatasetWriter(const DatasetFolder& folder, const std::vector<double>& horizons, Eigen::Index count,
+                Eigen::Index done, const Json& digests)
+      : initial_(folder, "initial.npy", states, count, done, digests),
+        wrench_(folder, "wrench.npy", {ScenarioData::bodies, Wrench<float>::size}, count, done, digests),
+        body_count_(folder, "body_count.npy", {}, count, done, digests),
+        family_(folder, "family.npy", {}, count, done, digests),
+        first_contact_(folder, "first_contact.npy", {}, count, done, digests),
+        impacts_(folder, "impacts.npy", {std::ssize(horizons)}, count, done, digests) {
+    for (const double h : horizons)
+      states_.emplace_back(folder, DatasetFolder::state(h), states, count, done, digests);
   }
 
   /// Appends scenarios and waits until they are on the disk.
@@ -129,13 +46,13 @@ class DatasetWriter {
     initial_.append(data.initial);
     wrench_.append(data.wrench);
     for (std::size_t h = 0; h < states_.size(); ++h) states_[h].append(data.states[h]);
-    NpyWriter<std::uint8_t>::Columns family(1, data.count());
+    DatasetArray<std::uint8_t>::Columns family(1, data.count());
     std::ranges::transform(data.family, family.data(), [](Family f) { return static_cast<std::uint8_t>(f); });
     family_.append(family);
     body_count_.append(
-        Eigen::Map<const NpyWriter<std::uint8_t>::Columns>(data.body_count.data(), 1, data.count()));
+        Eigen::Map<const DatasetArray<std::uint8_t>::Columns>(data.body_count.data(), 1, data.count()));
     first_contact_.append(
-        Eigen::Map<const NpyWriter<float>::Columns>(data.first_contact.data(), 1, data.count()));
+        Eigen::Map<const DatasetArray<float>::Columns>(data.first_contact.data(), 1, data.count()));
     impacts_.append(data.impacts);
     each([](auto& file) { file.flush(); });
   }
@@ -144,34 +61,48 @@ class DatasetWriter {
     each([](auto& file) { file.commit(); });
   }
 
+  /// The digest of each file, by its name.
+  Json digests() {
+    Json all = Json::object();
+    each([&](const auto& file) { all[file.name()] = file.digest(); });
+    return all;
+  }
+
  private:
-  /// A run that was killed while it put its arrays in their places is not done: they become partial again.
-  static std::filesystem::path unfinished(std::filesystem::path path) {
-    if (std::filesystem::exists(path)) std::filesystem::rename(path, path.string() + ".partial");
-    return path;
-  }
-  static std::filesystem::path path(const DatasetFolder& folder, const char* name) {
-    return unfinished(folder.path() / name);
-  }
+  static inline const std::vector<Eigen::Index> states{ScenarioData::bodies, RigidState<float>::size};
+
   template <class Do>
   void each(const Do& act) {
     act(initial_), act(wrench_), act(body_count_), act(family_), act(first_contact_), act(impacts_);
     for (auto& file : states_) act(file);
   }
 
-  NpyWriter<float> initial_, wrench_;
-  NpyWriter<std::uint8_t> body_count_, family_;
-  NpyWriter<float> first_contact_;
-  NpyWriter<std::int32_t> impacts_;
-  std::vector<NpyWriter<float>> states_;
+  DatasetArray<float> initial_, wrench_;
+  DatasetArray<std::uint8_t> body_count_, family_;
+  DatasetArray<float> first_contact_;
+  DatasetArray<std::int32_t> impacts_;
+  std::vector<DatasetArray<float>> states_;
 };
 
-/// The first `count` samples of an array of `samples` of this shape.
+/// Error where a number is not one that a scenario may have: finite, and no more than 1e6 in SI units.
+inline void require_plausible(const std::filesystem::path& path, const ScenarioData::Columns& numbers) {
+  for (Eigen::Index c = 0; c < numbers.cols(); ++c)
+    for (const float x : numbers.col(c))
+      if (!(std::abs(x) <= 1e6f)) refuse(text(path.string(), ": scenario ", c), "numbers up to 1e6", x);
+}
+
+/// The first `count` samples of an array of this shape, which must be the file that `description` means.
 template <class Scalar>
-auto read_samples(const std::filesystem::path& path, std::vector<Eigen::Index> shape, Eigen::Index count) {
+auto read_samples(const DatasetFolder& folder, const std::string& name, std::vector<Eigen::Index> shape,
+                  Eigen::Index count, const Json& description) {
+  const auto path = folder.path() / name;
   const NpyReader<Scalar> file(path);
   if (file.shape() != shape)
     refuse(path.string(), "the shape " + Json(shape).dump(), Json(file.shape()).dump());
+  const InputFile bytes(path);
+  Sha256 hash;
+  add_bytes(hash, bytes, 0, bytes.size());
+  require_digest(path, description["arrays"].value(name, ""), hash);
   return file.read(0, count);
 }
 
@@ -181,7 +112,8 @@ auto read_samples(const std::filesystem::path& path, std::vector<Eigen::Index> s
 /// folder, a few thousand at a time, as generate() does and with its errors. The bytes are the same for any
 /// number of threads. It may be stopped at any moment: called again it goes on where it was, and does nothing
 /// when all is done. progress(done) is called at the start and after each piece. Error too where the folder
-/// holds a data set of another setting, or other files: nothing is then overwritten.
+/// holds a data set of another setting, one half made by a program that was compiled otherwise (whose last
+/// bits differ) or changed since, or other files: nothing is then overwritten.
 template <BodySet Set, class Progress>
 void write_dataset(const std::filesystem::path& path, const ScenarioSampler<Set>& sampler, Eigen::Index count,
                    const std::vector<double>& horizons, const TruthOptions& options, Progress&& progress) {
@@ -189,26 +121,28 @@ void write_dataset(const std::filesystem::path& path, const ScenarioSampler<Set>
   detail::check_horizons(horizons, options.sample_rate);
   const detail::DatasetFolder folder(path);
   folder.make();
-  const auto lock = folder.lock();
+  const FolderLock lock(path, "makes this data set");
   const detail::Json setting = detail::dataset_setting(sampler, count, horizons, options);
-  if (!folder.described()) folder.write_description(setting, 0);
+  if (!folder.described()) folder.write_description(setting, 0, detail::Json::object());
   const detail::Json found = folder.read_description();
   for (const auto& entry : setting.items()) folder.require(found, setting, entry.key());
   auto done = found["done"].get<Eigen::Index>();
   if (done < 0 || done > count || (done < count && done % detail::scenario_piece != 0))
     detail::refuse(folder.text() + ": done", "scenarios done piece by piece", done);
+  // Other flags give other last bits, which must not be mixed. What is done may be read under any.
+  if (done > 0 && done < count) folder.require(found, {{"build", detail::dataset_build()}}, "build");
   progress(done);
   if (done == count) return;
-  detail::DatasetWriter files(folder, horizons, done);
+  detail::DatasetWriter files(folder, horizons, count, done, found["arrays"]);
   while (done < count) {
     const Eigen::Index size = std::min(detail::scenario_piece, count - done);
     files.append(generate(sampler, static_cast<std::uint64_t>(done), size, horizons, options));
     done += size;
-    if (done < count) folder.write_description(setting, done);
+    if (done < count) folder.write_description(setting, done, files.digests());
     progress(done);
   }
   files.commit();
-  folder.write_description(setting, count);
+  folder.write_description(setting, count, files.digests());
 }
 
 /// Whether the folder holds a data set of which all scenarios are done. Error where it holds a broken one.
@@ -221,7 +155,7 @@ inline bool dataset_is_done(const std::filesystem::path& path) {
 
 /// Reads the first `count` scenarios and the given horizons of a data set, which may hold more of both; the
 /// first contacts are those up to its last horizon. Error where the folder is not there, is of another
-/// setting or is not done, or a file of it is malformed.
+/// setting or is not done, or a file of it is malformed or changed.
 template <BodySet Set>
 ScenarioData read_dataset(const std::filesystem::path& path, const ScenarioSampler<Set>& sampler,
                           Eigen::Index count, const std::vector<double>& horizons,
@@ -240,9 +174,17 @@ ScenarioData read_dataset(const std::filesystem::path& path, const ScenarioSampl
   constexpr Eigen::Index bodies = ScenarioData::bodies;
   ScenarioData data;
   data.horizons = horizons;
-  data.initial = detail::read_samples<float>(path / "initial.npy", {n, bodies, 13}, count);
-  data.wrench = detail::read_samples<float>(path / "wrench.npy", {n, bodies, 6}, count);
-  const auto impacts = detail::read_samples<std::int32_t>(path / "impacts.npy", {n, std::ssize(held)}, count);
+  const auto read = [&]<class Scalar>(const std::string& name, std::vector<Eigen::Index> shape, Scalar) {
+    return detail::read_samples<Scalar>(folder, name, std::move(shape), count, found);
+  };
+  const auto read_numbers = [&](const std::string& name, Eigen::Index size) {
+    ScenarioData::Columns numbers = read(name, {n, bodies, size}, 0.0f);
+    detail::require_plausible(path / name, numbers);
+    return numbers;
+  };
+  data.initial = read_numbers("initial.npy", 13);
+  data.wrench = read_numbers("wrench.npy", 6);
+  const auto impacts = read("impacts.npy", {n, std::ssize(held)}, std::int32_t{});
   data.impacts.resize(std::ssize(horizons), count);
   for (Eigen::Index h = 0; h < std::ssize(horizons); ++h) {
     const double horizon = horizons[static_cast<std::size_t>(h)];
@@ -250,17 +192,21 @@ ScenarioData read_dataset(const std::filesystem::path& path, const ScenarioSampl
     if (at == std::ssize(held))
       detail::refuse(folder.text() + ": horizons", detail::text("one of ", held), horizon);
     data.impacts.row(h) = impacts.row(at);
-    data.states.push_back(detail::read_samples<float>(folder.state(horizon), {n, bodies, 13}, count));
+    data.states.push_back(read_numbers(folder.state(horizon), 13));
   }
-  const auto first_contact = detail::read_samples<float>(path / "first_contact.npy", {n}, count);
+  const auto first_contact = read("first_contact.npy", {n}, 0.0f);
   data.first_contact.assign(first_contact.data(), first_contact.data() + count);
-  const auto body_count = detail::read_samples<std::uint8_t>(path / "body_count.npy", {n}, count);
-  const auto family = detail::read_samples<std::uint8_t>(path / "family.npy", {n}, count);
+  const auto body_count = read("body_count.npy", {n}, std::uint8_t{});
+  const auto family = read("family.npy", {n}, std::uint8_t{});
+  const auto require = [&](bool fits, const char* name, const char* expected, double number) {
+    if (!fits) detail::refuse((path / name).string(), expected, number);
+  };
   for (Eigen::Index i = 0; i < count; ++i) {
-    if (body_count(i) < 3 || body_count(i) > bodies)
-      detail::refuse((path / "body_count.npy").string(), "3 to 5 bodies", static_cast<int>(body_count(i)));
-    if (family(i) > static_cast<int>(Family::scatter))
-      detail::refuse((path / "family.npy").string(), "families 0 to 4", static_cast<int>(family(i)));
+    require(body_count(i) >= 3 && body_count(i) <= bodies, "body_count.npy", "3 to 5 bodies", body_count(i));
+    require(family(i) <= static_cast<int>(Family::scatter), "family.npy", "families 0 to 4", family(i));
+    require(first_contact(i) >= 0, "first_contact.npy", "times of 0 s or more", first_contact(i));
+    require((impacts.col(i).array() >= 0).all(), "impacts.npy", "numbers of 0 or more",
+            impacts.col(i).minCoeff());
     data.body_count.push_back(body_count(i));
     data.family.push_back(static_cast<Family>(family(i)));
   }

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <algorithm>
 #include <concepts>
 #include <filesystem>
 #include <ios>
+#include <iterator>
 #include <locale>
 #include <sstream>
 #include <string>
@@ -17,6 +19,36 @@
 
 namespace rbres {
 
+namespace detail {
+
+/// Whether a namespace of one's own may have this name: an identifier that C++ neither takes for itself nor
+/// reserves ([lex.key], [lex.name], [namespace.std]), and not this library's.
+inline bool is_namespace_name(std::string_view name) {
+  constexpr std::string_view letters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_";
+  constexpr std::string_view taken[] = {
+      "alignas",     "alignof",  "and",        "and_eq",    "asm",       "auto",         "bitand",
+      "bitor",       "bool",     "break",      "case",      "catch",     "char",         "char16_t",
+      "char32_t",    "char8_t",  "class",      "co_await",  "co_return", "co_yield",     "compl",
+      "concept",     "const",    "const_cast", "consteval", "constexpr", "constinit",    "continue",
+      "decltype",    "default",  "delete",     "do",        "double",    "dynamic_cast", "else",
+      "enum",        "explicit", "export",     "extern",    "false",     "float",        "for",
+      "friend",      "goto",     "if",         "inline",    "int",       "long",         "mutable",
+      "namespace",   "new",      "noexcept",   "not",       "not_eq",    "nullptr",      "operator",
+      "or",          "or_eq",    "private",    "protected", "public",    "register",     "reinterpret_cast",
+      "requires",    "return",   "short",      "signed",    "sizeof",    "static",       "static_assert",
+      "static_cast", "struct",   "switch",     "template",  "this",      "thread_local", "throw",
+      "true",        "try",      "typedef",    "typeid",    "typename",  "union",        "unsigned",
+      "using",       "virtual",  "void",       "volatile",  "wchar_t",   "while",        "xor",
+      "xor_eq",      "main",     "posix",      "std",       "Eigen",     "rbres"};
+  if (name.empty() || name.front() == '_' || letters.find(name.front()) == name.npos) return false;
+  if (name.find_first_not_of(text(letters, "0123456789")) != name.npos || name.find("__") != name.npos)
+    return false;
+  const bool is_std = name.starts_with("std") && name.find_first_not_of("0123456789", 3) == name.npos;
+  return !is_std && std::ranges::find(taken, name) == std::end(taken);
+}
+
+}  // namespace detail
+
 /// Writes a C++ header that holds the network, so that a program without files runs it with rbres and Eigen
 /// alone:
 ///     #include "model.hpp"
@@ -24,14 +56,13 @@ namespace rbres {
 ///     y = network.forward(x);
 /// The weights stand there as a constexpr array of hexadecimal floats, which lose no bit: weight (row by row)
 /// and bias of every Linear. Atomic; see AtomicFile for the errors. Error too when a number is not finite or
-/// `name` is no name.
+/// `name` is no name for a namespace of one's own.
 template <std::floating_point T, class Layers>
 void export_header(const Network<T, Layers>& network, const std::filesystem::path& path,
                    std::string_view name = "rbres_model") {
-  constexpr std::string_view letters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_";
-  if (name.empty() || letters.find(name.front()) == std::string_view::npos ||
-      name.find_first_not_of(detail::text(letters, "0123456789")) != std::string_view::npos)
-    detail::refuse("export_header", "a name of letters, digits and _", detail::text("'", name, "'"));
+  if (!detail::is_namespace_name(name))
+    detail::refuse("export_header", "a name of letters, digits and _ that C++ and rbres leave free",
+                   detail::text("'", name, "'"));
   constexpr bool is_float = std::is_same_v<T, float>;
   constexpr std::string_view scalar = is_float ? "float" : "double";
   using Model = Network<T, Layers>;

@@ -10,7 +10,32 @@
 #include <rbres/core/error.hpp>
 #include <rbres/io/safetensors.hpp>
 
-namespace rbres::detail {
+namespace rbres {
+
+/// Error that names the path and both values when the file's metadata lack one of these or have another: for
+/// one's own metadata, that say what a model was made for.
+inline void require_metadata(const SafetensorsReader& file, const Metadata& expected) {
+  for (const auto& [key, value] : expected) {
+    const auto found = file.metadata().find(key);
+    if (found == file.metadata().end() || found->second != value)
+      detail::refuse(detail::text(file.path().string(), ": metadata '", key, "'"), "'" + value + "'",
+                     found == file.metadata().end() ? "none" : "'" + found->second + "'");
+  }
+}
+
+namespace detail {
+
+/// The numbers that a file may hold.
+struct Bounds {
+  double least = -1e30, most = 1e30;
+};
+
+template <class Derived>
+void require_within(const std::string& what, const Eigen::DenseBase<Derived>& numbers, Bounds bounds) {
+  for (const auto number : numbers.derived().reshaped())
+    if (const auto x = static_cast<double>(number); !(x >= bounds.least && x <= bounds.most))
+      refuse(what, text("numbers from ", bounds.least, " to ", bounds.most), x);
+}
 
 /// Numbers as text that reads back to the same bits, column by column: for the few that stand in a file's
 /// metadata, where a tensor would be one too many for PyTorch's load_state_dict.
@@ -25,10 +50,10 @@ std::string numbers_to_text(const Eigen::DenseBase<Derived>& numbers) {
 }
 
 /// Reads as many numbers as `numbers` has from the file's metadata; Error when the key is missing or its text
-/// holds anything else.
+/// holds anything else, or a number out of bounds.
 template <class Derived>
 void numbers_from_metadata(const SafetensorsReader& file, const std::string& key,
-                           Eigen::DenseBase<Derived>& numbers) {
+                           Eigen::DenseBase<Derived>& numbers, Bounds bounds = {}) {
   const std::string what = text(file.path().string(), ": metadata '", key, "'");
   const std::string expected = text(numbers.size(), " finite numbers");
   const auto found = file.metadata().find(key);
@@ -39,6 +64,8 @@ void numbers_from_metadata(const SafetensorsReader& file, const std::string& key
     for (Eigen::Index row = 0; row < numbers.rows(); ++row)
       if (!(in >> numbers(row, column))) refuse(what, expected, "fewer, or something else");
   if (!(in >> std::ws).eof()) refuse(what, expected, "more");
+  require_within(what, numbers, bounds);
 }
 
-}  // namespace rbres::detail
+}  // namespace detail
+}  // namespace rbres

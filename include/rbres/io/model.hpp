@@ -23,21 +23,33 @@ namespace rbres {
 template <class Model>
 struct ModelFormat;
 
-/// Saves a model as a safetensors file, atomically (see AtomicFile), with the user's own metadata; the
-/// model's own keys are taken (for a network "architecture", "scalar", "probe_inputs" and "probe_outputs").
+/// Saves a model as a safetensors file with a digest, and with the user's own metadata; the model's own keys
+/// are taken (for a network "architecture", "scalar", "probe_inputs" and "probe_outputs"; "sha256"). The file
+/// is then to be committed: for a program that opens it before long work.
 template <class Model>
-void save(const std::filesystem::path& path, const Model& model, const Metadata& metadata = {}) {
-  SafetensorsWriter file;
-  ModelFormat<Model>::write(file, model);
-  detail::add_metadata(file, metadata, path);
-  file.write(path);
+void save(AtomicFile& file, const Model& model, const Metadata& metadata = {}) {
+  SafetensorsWriter tensors;
+  ModelFormat<Model>::write(tensors, model);
+  detail::add_metadata(tensors, metadata, file.path());
+  tensors.write_with_digest(file);
 }
 
-/// Loads a model that save() wrote; for a network also one that PyTorch wrote. Every other file is an Error
-/// that names the path and what is wrong.
+/// The same in one step: what is at `path` then is the whole old file or the whole new one (see AtomicFile).
 template <class Model>
-Model load(const std::filesystem::path& path) {
-  return ModelFormat<Model>::read(SafetensorsReader(path));
+void save(const std::filesystem::path& path, const Model& model, const Metadata& metadata = {}) {
+  AtomicFile file(path);
+  save(file, model, metadata);
+  file.commit();
+}
+
+/// Loads a model that save() wrote. Every other file, be it one bit that differs, is an Error that names the
+/// path and what is wrong. With Digest::optional also a file without a digest: a network that PyTorch wrote,
+/// or a model of rbres from before it stored digests. Of such a file nobody knows whether it is whole.
+template <class Model>
+Model load(const std::filesystem::path& path, Digest digest = Digest::required) {
+  const SafetensorsReader file(path);
+  if (digest == Digest::required) file.require_digest();
+  return ModelFormat<Model>::read(file);
 }
 
 /// A network's file is what `safetensors.torch.save_file(module.state_dict(), path)` writes for the
@@ -58,20 +70,20 @@ struct ModelFormat<Network<T, Layers>> {
     for (T& number : inputs.reshaped()) number = static_cast<T>(random.normal());
     const Outputs outputs = probe(network, inputs);
     detail::require_finite("the network's outputs", outputs.data(), Outputs::SizeAtCompileTime);
-    file.metadata = detail::network_metadata<Model>();
+    file.metadata = network_metadata<Model>();
     file.metadata["probe_inputs"] = detail::numbers_to_text(inputs);
     file.metadata["probe_outputs"] = detail::numbers_to_text(outputs);
   }
 
   static Model read(const SafetensorsReader& file) {
     const bool is_ours = file.metadata().contains("architecture");
-    if (is_ours) detail::require_metadata(file, detail::network_metadata<Model>());
+    if (is_ours) require_metadata(file, network_metadata<Model>());
     Model network;
     detail::read_parameters<Model>(file, "", network.parameters().data());
     if (is_ours) {
       check_probes(file, network);
     } else if (const auto expected = Model::tensors().size(); file.tensors().size() != expected) {
-      const auto architecture = detail::network_metadata<Model>().at("architecture");
+      const auto architecture = network_metadata<Model>().at("architecture");
       detail::refuse(file.path().string(), detail::text("the ", expected, " tensors of ", architecture),
                      file.tensors().size());
     }

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numeric>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -32,7 +33,7 @@ class NpyWriter {
   /// (samples, 65), {251, 65} one of (samples, 251, 65).
   NpyWriter(std::filesystem::path path, std::vector<Eigen::Index> sample_shape)
       : sample_shape_(checked(path, std::move(sample_shape))), file_(std::move(path)) {
-    file_.write(header(0, header_size_).data(), header_size_);
+    file_.write(header(sample_shape_, 0).data(), header_size_);
   }
 
   /// Goes on after the first `samples` samples that an earlier run wrote to the partial file (0: begins
@@ -41,7 +42,7 @@ class NpyWriter {
       : sample_shape_(checked(path, std::move(sample_shape))),
         samples_(samples),
         file_(std::move(path), samples == 0 ? 0 : header_size_ + bytes(samples)) {
-    if (samples == 0) file_.write(header(0, header_size_).data(), header_size_);
+    if (samples == 0) file_.write(header(sample_shape_, 0).data(), header_size_);
   }
 
   /// Appends columns (features × n), features being the product of the sample shape.
@@ -65,8 +66,19 @@ class NpyWriter {
 
   /// Fixes the header, flushes, and puts the file in its place.
   void commit() {
-    file_.write_at(0, header(samples_, header_size_).data(), header_size_);
+    file_.write_at(0, header(sample_shape_, samples_).data(), header_size_);
     file_.commit();
+  }
+
+  /// What stands before the numbers of so many samples: of the same size for any number, so that it can be
+  /// written last.
+  static std::string header(const std::vector<Eigen::Index>& sample_shape, Eigen::Index samples) {
+    std::vector<Eigen::Index> shape{std::numeric_limits<Eigen::Index>::max()};
+    shape.insert(shape.end(), sample_shape.begin(), sample_shape.end());
+    constexpr std::string_view descr = detail::npy_descr<Scalar>();
+    const std::size_t size = detail::npy_header(descr, shape, 0).size();
+    shape.front() = samples;
+    return detail::npy_header(descr, shape, size);
   }
 
  private:
@@ -74,12 +86,10 @@ class NpyWriter {
                                            std::vector<Eigen::Index> sample_shape) {
     if (sample_shape.size() > 2)
       detail::refuse(path.string(), "samples of at most 2 dimensions", sample_shape.size());
+    for (const Eigen::Index extent : sample_shape)
+      if (extent < 0 || extent > 1 << 30)
+        detail::refuse(path.string(), "a sample's extents from 0 to 2^30", extent);
     return sample_shape;
-  }
-  std::string header(Eigen::Index samples, std::size_t size) const {
-    std::vector<Eigen::Index> shape{samples};
-    shape.insert(shape.end(), sample_shape_.begin(), sample_shape_.end());
-    return detail::npy_header(detail::npy_descr<Scalar>(), shape, size);
   }
   std::size_t bytes(Eigen::Index samples) const {
     return static_cast<std::size_t>(samples * features_) * sizeof(Scalar);
@@ -89,8 +99,7 @@ class NpyWriter {
   Eigen::Index features_ =
       std::accumulate(sample_shape_.begin(), sample_shape_.end(), Eigen::Index{1}, std::multiplies<>());
   Eigen::Index samples_ = 0;
-  // Room for any number of samples, so that the header can be written last.
-  std::size_t header_size_ = header(std::numeric_limits<Eigen::Index>::max(), 0).size();
+  std::size_t header_size_ = header(sample_shape_, 0).size();
   AtomicFile file_;
 };
 

@@ -15,7 +15,18 @@
 #include <rbres/nn/network.hpp>
 
 /// What the files of networks and of training runs have in common.
-namespace rbres::detail {
+namespace rbres {
+
+/// The metadata of every file with a network: its "architecture", as the C++ type with runs of equal layers
+/// as "10 x ...", and its "scalar".
+template <class Net>
+Metadata network_metadata() {
+  using detail::LayerName, detail::LayerText;
+  return {{"architecture", LayerName<typename Net::Architecture>::text(LayerText::shortened)},
+          {"scalar", std::is_same_v<typename Net::Scalar, float> ? "float32" : "float64"}};
+}
+
+namespace detail {
 
 /// [outputs, inputs] of a weight, [outputs] of a bias.
 inline std::vector<Eigen::Index> torch_shape(const ParameterTensor& tensor) {
@@ -56,23 +67,6 @@ void read_parameters(const SafetensorsReader& file, const std::string& prefix, t
   each_parameter<Net>(file, prefix, [block](std::size_t place, auto number) { block[place] = number; });
 }
 
-/// The metadata of every file with a network.
-template <class Net>
-Metadata network_metadata() {
-  return {{"architecture", LayerName<typename Net::Architecture>::text(LayerText::shortened)},
-          {"scalar", std::is_same_v<typename Net::Scalar, float> ? "float32" : "float64"}};
-}
-
-/// Error that names the path and both values when the file's metadata lack one of these or have another.
-inline void require_metadata(const SafetensorsReader& file, const Metadata& expected) {
-  for (const auto& [key, value] : expected) {
-    const auto found = file.metadata().find(key);
-    if (found == file.metadata().end() || found->second != value)
-      refuse(text(file.path().string(), ": metadata '", key, "'"), "'" + value + "'",
-             found == file.metadata().end() ? "none" : "'" + found->second + "'");
-  }
-}
-
 /// Adds metadata; Error that names the path when a key is taken.
 inline void add_metadata(SafetensorsWriter& file, const Metadata& more, const std::filesystem::path& path) {
   for (const auto& entry : more)
@@ -80,4 +74,5 @@ inline void add_metadata(SafetensorsWriter& file, const Metadata& more, const st
       refuse(path.string(), "metadata that leave the file's own keys alone", "'" + entry.first + "'");
 }
 
-}  // namespace rbres::detail
+}  // namespace detail
+}  // namespace rbres

@@ -19,12 +19,16 @@ struct ModelFormat<Predictor<Net, N>> {
 
   static void write(SafetensorsWriter& file, const Model& p) {
     ModelFormat<Net>::write(file, p.network);
+    const Eigen::Matrix<double, 1, 1> horizon(p.horizon);
+    detail::require_within("horizon of a saved predictor", horizon, horizons);
+    detail::require_within("input deviation of a saved predictor", p.input.deviation, deviations);
+    detail::require_within("output deviation of a saved predictor", p.output.deviation, deviations);
     file.metadata["input_mean"] = detail::numbers_to_text(p.input.mean);
     file.metadata["input_deviation"] = detail::numbers_to_text(p.input.deviation);
     file.metadata["output_mean"] = detail::numbers_to_text(p.output.mean);
     file.metadata["output_deviation"] = detail::numbers_to_text(p.output.deviation);
     file.metadata["target"] = p.target == Target::residual ? "residual" : "state";
-    file.metadata["horizon"] = detail::numbers_to_text(Eigen::Matrix<double, 1, 1>(p.horizon));
+    file.metadata["horizon"] = detail::numbers_to_text(horizon);
     Bodies bodies;
     for (int b = 0; b < N; ++b) {
       const auto& body = p.flow.system[b];
@@ -49,22 +53,21 @@ struct ModelFormat<Predictor<Net, N>> {
     Eigen::Matrix<double, 1, 1> horizon;
     detail::numbers_from_metadata(file, "flow_bodies", bodies);
     detail::numbers_from_metadata(file, "flow_forces", f);
-    detail::numbers_from_metadata(file, "horizon", horizon);
+    detail::numbers_from_metadata(file, "horizon", horizon, horizons);
+    for (int i = 3; i < 8; ++i)
+      if (f[i] < 0)
+        detail::refuse(file.path().string() + ": flow_forces", "a fluid and damping of 0 or more", f[i]);
     const auto system = [&]<std::size_t... I>(std::index_sequence<I...>) {
       return System<double, N>({body(file, bodies.col(I))...});
     }
     (std::make_index_sequence<N>{});
     Model p{std::move(network), {}, {}, {system, {{f[0], f[1], f[2]}}, {f[3], f[4], f[5]}, {f[6], f[7]}}};
     detail::numbers_from_metadata(file, "input_mean", p.input.mean);
-    detail::numbers_from_metadata(file, "input_deviation", p.input.deviation);
+    detail::numbers_from_metadata(file, "input_deviation", p.input.deviation, deviations);
     detail::numbers_from_metadata(file, "output_mean", p.output.mean);
-    detail::numbers_from_metadata(file, "output_deviation", p.output.deviation);
+    detail::numbers_from_metadata(file, "output_deviation", p.output.deviation, deviations);
     const std::string what = file.path().string() + ": ";
-    if (!(horizon[0] > 0)) detail::refuse(what + "horizon", "a positive time in s", horizon[0]);
     p.horizon = horizon[0];
-    if (!((p.input.deviation.array() > 0).all() && (p.output.deviation.array() > 0).all())) {
-      detail::refuse(what + "deviations", "positive numbers", "others");
-    }
     const std::string& target = entry(file, "target");
     if (target != "residual" && target != "state")
       detail::refuse(what + "target", "'residual' or 'state'", target);
@@ -73,6 +76,7 @@ struct ModelFormat<Predictor<Net, N>> {
   }
 
  private:
+  static constexpr detail::Bounds horizons{1e-6, FreeFlow<N>::longest}, deviations{1e-30, 1e30};
   using Bodies = Eigen::Matrix<double, 8, N>;
   using Forces = Eigen::Matrix<double, 8, 1>;
 

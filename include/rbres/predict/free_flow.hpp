@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <rbres/dynamics/forces.hpp>
 #include <rbres/dynamics/free_flight.hpp>
 #include <rbres/dynamics/integrators.hpp>
@@ -20,10 +21,17 @@ struct FreeFlow {
 
   /// Step of the fourth-order integration, s.
   static constexpr double step = 0.02;
+  /// The longest time that is followed, s.
+  static constexpr double longest = 3600;
 
+  /// The states after `duration` (s, at most `longest`); NaN for any other duration.
   SystemState<double, N> operator()(SystemState<double, N> y, const std::array<Wrench<double>, N>& wrench,
                                     double duration) const noexcept {
     const Forces forces{gravity, friction, damping, ConstantWrench<double, N>{wrench}};
+    if (!(duration >= 0 && duration <= longest)) {
+      for (auto& body : y.body) body.vector().setConstant(std::numeric_limits<double>::quiet_NaN());
+      return y;
+    }
     const long steps = std::max(1L, std::lround(std::ceil(duration / step - 1e-9)));
     const double h = duration / static_cast<double>(steps);
     for (long k = 0; k < steps; ++k) y = fly(system, forces, Rk4{}, y, static_cast<double>(k) * h, h);

@@ -51,10 +51,13 @@ ConstantWrench<S, N> lane_wrenches(const Index& lanes, const At& scenario_at) {
   return packed;
 }
 
+/// How many scenarios truth is made of at a time, in lanes: it decides the last bits.
+inline constexpr int truth_lanes = std::max(native_lanes<double>, 2);
+
 template <BodySet Set, int N>
 void simulate_scenarios(World world, std::span<const Scenario> all, const std::vector<std::size_t>& chosen,
                         const TruthOptions& options, Eigen::Index start, ScenarioData& data) {
-  using S = Pack<double, std::max(native_lanes<double>, 2)>;
+  using S = Pack<double, truth_lanes>;
   const auto system = scenario_system<Set, N>(world);
   const auto at = [&](std::ptrdiff_t i) -> const Scenario& {
     return all[chosen[static_cast<std::size_t>(i)]];
