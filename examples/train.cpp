@@ -117,7 +117,6 @@ void train(const Options& o, const ScenarioData& data, Outputs& files) {
   // Scenarios 0 ... tenth - 1 are the test set, those up to 2 tenth validate.
   const Eigen::Index n = data.count(), tenth = n / 10;
   using Network = typename paper::NetworkOf<A>::type;
-  files.model.reserve(Network::parameter_count * sizeof(float) + (1 << 20));  // and a megabyte of metadata
   PredictorOf<A> predictor{Network(o.training.seed), {}, {}, free_flow<Set>(), o.target};
   const TrainingSet<PredictorOf<A>> set(predictor, data, 0, 2 * tenth, n);
   Trainer trainer(predictor.network, set.samples(2 * tenth, n - 2 * tenth), set.samples(tenth, tenth),
@@ -181,6 +180,10 @@ void train(const Options& o, const ScenarioData& data, Outputs& files) {
 
 template <BodySet Set>
 void run(const Options& o, Outputs& files) {
+  paper::with_architecture(o.architecture, [&](auto a) {
+    constexpr std::size_t metadata_bytes = 1 << 20;
+    files.model.reserve(paper::NetworkOf<a()>::type::parameter_count * sizeof(float) + metadata_bytes);
+  });
   const ScenarioData data = data_of<Set>(o);
   paper::with_architecture(o.architecture, [&](auto a) { train<a(), Set>(o, data, files); });
 }

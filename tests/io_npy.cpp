@@ -200,3 +200,12 @@ TEST_CASE("a path that is not a file") {
   CHECK(contains(error_of([&] { read_npy<float>(folder / ""); }), "expected a regular file"));
   CHECK(contains(error_of([&] { read_npy<float>("/dev/zero"); }), "/dev/zero: expected a regular file"));
 }
+
+TEST_CASE("samples of no possible shape are refused") {
+  const TemporaryFolder folder;
+  const auto path = folder / "a.npy";
+  for (const std::vector<Eigen::Index>& shape :
+       {std::vector<Eigen::Index>{-3}, {4, -1}, {Eigen::Index{1} << 31}, {1, 1, 1}})
+    CHECK(contains(error_of([&] { NpyWriter<float>(path, shape); }), path.string() + ": expected "));
+  CHECK(!std::filesystem::exists(AtomicFile::partial(path)));
+}

@@ -88,6 +88,10 @@ TEST_CASE("what cannot be written is refused") {
   writer.add("a", {1}, values);
   CHECK(contains(error_of([&] { writer.add("a", {1}, values); }), "found 'a' twice"));
   CHECK_THROWS_AS(writer.add("__metadata__", {1}, values), Error);
+  for (const std::vector<Index>& shape :
+       {std::vector<Index>{-1}, {-1, -1}, {Index{1} << 32, Index{1} << 32}, {Index{1} << 62}})
+    CHECK(contains(error_of([&] { writer.add("wrong", shape, values); }),
+                   "tensor 'wrong': expected a shape of less than 2^63 bytes, found ["));
   writer.metadata["key"] = "\xff";
   CHECK(contains(error_of([&] { writer.write(folder / "a"); }), "must be UTF-8"));
   writer.metadata["key"] = "";

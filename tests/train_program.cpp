@@ -1,10 +1,14 @@
 // rbres_train from outside: what it saves and prints, that it goes on after a kill to the same bits, and that
 // it overwrites nothing.
+#include "io_file_size_limit.hpp"
 #include "program_support.hpp"
 
 #include <fcntl.h>
 #include <signal.h>
 #include <unistd.h>
+
+#include <cstring>
+#include <limits>
 
 #include <rbres/eval/baselines.hpp>
 #include <rbres/io.hpp>
@@ -34,32 +38,58 @@ Outcome train(const TemporaryFolder& folder, const std::string& arguments) {
   return run(folder, RBRES_TRAIN, with(arguments));
 }
 
-/// Runs the program in the folder and kills it after some epochs. What it prints goes through a pipe that
-/// holds less than all of it, so it cannot be done before.
-void train_and_kill(const TemporaryFolder& folder, const std::string& arguments) {
-  int ends[2];
-  REQUIRE(::pipe(ends) == 0);
-  REQUIRE(::fcntl(ends[1], F_SETPIPE_SZ, 4096) == 4096);
-  const std::string command =
-      "cd '" + (folder / "").string() + "' && exec '" RBRES_TRAIN "' " + with(arguments);
-  const pid_t child = ::fork();
-  REQUIRE(child >= 0);
-  if (child == 0) {
-    ::dup2(ends[1], STDOUT_FILENO);
-    ::close(ends[0]);
+/// The program at work in the folder. What it prints goes through a pipe that holds less than all of it, so
+/// that it cannot be done before it is heard.
+class Training {
+ public:
+  /// Returns when the program says `until`.
+  Training(const TemporaryFolder& folder, const std::string& arguments, const std::string& until) {
+    int ends[2];
+    REQUIRE(::pipe2(ends, O_CLOEXEC) == 0);
+    REQUIRE(::fcntl(ends[1], F_SETPIPE_SZ, 4096) == 4096);
+    const std::string at = (folder / "").string();
+    const std::string command =
+        "cd '" + at + "' && TMPDIR='" + at + "' exec '" RBRES_TRAIN "' " + with(arguments) + " 2> .err";
+    child_ = ::fork();
+    REQUIRE(child_ >= 0);
+    if (child_ == 0) {
+      ::dup2(ends[1], STDOUT_FILENO);
+      ::execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
+      ::_exit(127);
+    }
     ::close(ends[1]);
-    ::execl("/bin/sh", "sh", "-c", command.c_str(), nullptr);
-    ::_exit(127);
+    output_ = ends[0];
+    std::string heard;
+    for (char c; !contains(heard, until) && ::read(output_, &c, 1) == 1;) heard += c;
+    REQUIRE(contains(heard, until));
   }
-  ::close(ends[1]);
-  std::string heard;
-  for (char c; !contains(heard, "epoch   5/") && ::read(ends[0], &c, 1) == 1;) heard += c;
-  ::kill(child, SIGKILL);
-  ::close(ends[0]);
-  int status = 0;
-  REQUIRE(::waitpid(child, &status, 0) == child);
-  REQUIRE(WIFSIGNALED(status));
-}
+  Training(const Training&) = delete;
+  Training& operator=(const Training&) = delete;
+
+  void kill() {
+    ::kill(child_, SIGKILL);
+    REQUIRE(WIFSIGNALED(ended()));
+  }
+  /// Hears it out; its exit status.
+  int finish() {
+    for (char rest[256]; ::read(output_, rest, sizeof rest) > 0;) {
+    }
+    const int status = ended();
+    REQUIRE(WIFEXITED(status));
+    return WEXITSTATUS(status);
+  }
+
+ private:
+  int ended() {
+    ::close(output_);
+    int status = 0;
+    REQUIRE(::waitpid(child_, &status, 0) == child_);
+    return status;
+  }
+
+  pid_t child_;
+  int output_;
+};
 
 }  // namespace
 
@@ -105,7 +135,7 @@ TEST_CASE("killed and resumed is unbroken") {
   const TemporaryFolder folder;
   const std::string options = "--epochs 60 --patience 0 ";
   REQUIRE(train(folder, options + "--out unbroken").status == 0);
-  train_and_kill(folder, options + "--checkpoint run --out resumed");
+  Training(folder, options + "--checkpoint run --out resumed", "epoch   5/").kill();
   CHECK(!std::filesystem::exists(folder / "resumed"));
   const Outcome outcome = train(folder, options + "--checkpoint run --resume --out resumed");
   CHECK(outcome.err == "");
@@ -116,6 +146,41 @@ TEST_CASE("killed and resumed is unbroken") {
   // A run that is done is only evaluated again.
   REQUIRE(train(folder, options + "--checkpoint run --resume --out again --threads 2").status == 0);
   CHECK(read_bytes(folder / "again") == read_bytes(folder / "unbroken"));
+}
+
+TEST_CASE("two runs with one --out: the second is refused, the first keeps its model") {
+  const TemporaryFolder folder;
+  const std::string options = "--epochs 60 --patience 0 ";
+  REQUIRE(train(folder, options + "--out alone").status == 0);
+  Training first(folder, options + "--out both --json table", "epoch   5/");
+  for (const char* second : {"--seed 2 --out both", "--seed 2 --out other --json table"})
+    CHECK(contains(refusal(folder, RBRES_TRAIN, with(second)), ": cannot write: another writer holds "));
+  CHECK(first.finish() == 0);
+  CHECK(read_bytes(folder / "both") == read_bytes(folder / "alone"));
+  CHECK(nlohmann::json::parse(read_bytes(folder / "table")).contains("model"));
+}
+
+TEST_CASE("a file that appears at --out stays, and the model is not lost") {
+  const TemporaryFolder folder;
+  const std::string options = "--epochs 60 --patience 0 ";
+  REQUIRE(train(folder, options + "--out alone").status == 0);
+  Training run(folder, options + "--out model", "epoch   5/");
+  write_bytes(folder / "model", "someone's");
+  CHECK(run.finish() == 2);
+  CHECK(read_bytes(folder / "model") == "someone's");
+  const std::string error = read_bytes(folder / ".err");
+  CHECK(error.find('\n') == error.size() - 1);
+  CHECK(contains(error, "model: exists by now and would be overwritten; the model is "));
+  const auto at = error.find("; the model is ") + 15;
+  CHECK(read_bytes(error.substr(at, error.size() - at - 1)) == read_bytes(folder / "alone"));
+}
+
+TEST_CASE("a disk without room for the model is found before training") {
+  const TemporaryFolder folder;
+  const FileSizeLimit limit(500'000);
+  const std::string error = refusal(folder, RBRES_TRAIN, with("--out model"));
+  CHECK(contains(error, "model: cannot write: "));
+  CHECK(!contains(read_bytes(folder / ".out"), "epoch"));
 }
 
 TEST_CASE("a data set is made once, and gives the model of the same scenarios in memory") {
@@ -139,6 +204,11 @@ TEST_CASE("a data set is made once, and gives the model of the same scenarios in
   CHECK(contains(error("set --horizon 0.04"), "set: horizons: expected one of"));
   CHECK(contains(error("new --horizon 0.04"), "--horizon: expected one of 0.02, 0.1, 0.5, 1, 2, 5"));
   CHECK(contains(error("."), "expected a data set or an empty folder"));
+  std::string truth = read_bytes(folder / "set/state_0.1s.npy");
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  std::memcpy(truth.data() + 128, &nan, sizeof nan);
+  write_bytes(folder / "set/state_0.1s.npy", truth);
+  CHECK(contains(error("set --out new"), "set/state_0.1s.npy: SHA-256 digest: expected"));
 }
 
 TEST_CASE("what is wrong costs one line and no file") {
@@ -162,6 +232,7 @@ TEST_CASE("what is wrong costs one line and no file") {
   CHECK(contains(error("--out new --horizon 0.03"), "horizon 0: expected"));
   CHECK(contains(error(""), "--out: model.safetensors exists"));
   CHECK(contains(error("--out new --json table"), "--json: table exists"));
+  CHECK(contains(error("--out ''"), "--out: expected the name of a file"));
   CHECK(contains(error("--out new --json ./new"), "--json: ./new is the file of --out, too"));
   CHECK(contains(error("--out nowhere/new"), "nowhere/new: cannot write"));
   CHECK(contains(error("--out new --checkpoint run"), "--checkpoint: run exists"));
