@@ -3,8 +3,10 @@
 usage: io_python.py IO_PYTHON_COPY. Exits with 77 (skipped) where there is no NumPy.
 """
 
+import hashlib
 import json
 import pathlib
+import re
 import struct
 import subprocess
 import sys
@@ -42,6 +44,12 @@ def check_npy(folder):
         assert done.returncode == 2 and str(source) in done.stderr, (array, done)
 
 
+def check_digest(data):
+    """The file's own digest is the SHA-256 of its bytes with zeros in the digest's place."""
+    at = re.search(rb'"sha256": ?"([0-9a-f]{64})"', data).start(1)
+    assert hashlib.sha256(data[:at] + b"0" * 64 + data[at + 64:]).hexdigest().encode() == data[at:at + 64]
+
+
 def read_safetensors(path):
     data = path.read_bytes()
     (size,) = struct.unpack("<Q", data[:8])
@@ -75,6 +83,7 @@ def check_network(folder):
     done = copy("network", "", first)
     assert done.returncode == 0, done.stderr
     w, metadata = read_safetensors(first)
+    check_digest(first.read_bytes())
     layers = ("0", "2.0", "2.3", "3.0", "3.3", "4")
     assert set(w) == {f"{layer}.{part}" for layer in layers for part in ("weight", "bias")}
     probe_inputs, probe_outputs = (np.array(metadata[key].split(), "float32").reshape(3, -1)
@@ -107,7 +116,10 @@ def check_dataset(folder):
         "state_0.02s": ("float32", (60, 5, 13)), "state_1.0s": ("float32", (60, 5, 13)),
         "body_count": ("uint8", (60,)), "family": ("uint8", (60,)), "first_contact": ("float32", (60,)),
         "impacts": ("int32", (60, 2))}
+    check_digest((folder / "set" / "dataset.json").read_bytes())
     setting = json.loads((folder / "set" / "dataset.json").read_text())
+    assert setting["arrays"] == {path.name: hashlib.sha256(path.read_bytes()).hexdigest()
+                                 for path in (folder / "set").glob("*.npy")}
     assert setting["world"] == "room" and setting["seed"] == 3 and setting["horizons"] == [0.02, 1.0]
     assert setting["scenarios"] == setting["done"] == 60
     present = np.arange(5) < arrays["body_count"][:, None]
