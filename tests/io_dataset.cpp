@@ -226,7 +226,8 @@ TEST_CASE("scenarios that were changed are refused, read or resumed") {
   const auto path = folder / "half";
   CHECK_THROWS_AS(make(path, 2304), Stop);
   const auto before = files(path);
-  for (const auto& [name, bytes] : before) {
+  for (const auto& entry : before) {
+    const std::string &name = entry.first, &bytes = entry.second;
     if (name == "dataset.json") continue;
     for (const std::size_t at : {std::size_t{128}, bytes.size() / 2, bytes.size() - 1}) {
       CAPTURE(name);
@@ -242,7 +243,8 @@ TEST_CASE("scenarios that were changed are refused, read or resumed") {
   }
   make(path);
   const auto whole = files(path);
-  for (const auto& [name, bytes] : whole) {
+  for (const auto& entry : whole) {
+    const std::string &name = entry.first, &bytes = entry.second;
     CAPTURE(name);
     std::string changed = bytes;
     changed[bytes.size() / 2] = static_cast<char>(changed[bytes.size() / 2] ^ 4);
