@@ -239,6 +239,21 @@ TEST_CASE("a model of rbres from before digests is refused with what it is, and 
   CHECK(same_bits(load<Small>(path, Digest::optional), model));
 }
 
+TEST_CASE("one's own metadata can be required, and the refusal says both values") {
+  const TemporaryFolder folder;
+  const auto path = folder / "model.safetensors";
+  save(path, Small(42), {{"world", "room"}, {"unit", "m"}});
+  const SafetensorsReader file(path);
+  CHECK(error_of([&] { require_metadata(file, {{"world", "room"}, {"unit", "m"}}); }) == "");
+  CHECK(error_of([&] { require_metadata(file, network_metadata<Small>()); }) == "");
+  CHECK(error_of([&] {
+          require_metadata(file, {{"world", "free"}});
+        }) == path.string() + ": metadata 'world': expected 'free', found 'room'");
+  CHECK(error_of([&] {
+          require_metadata(file, {{"made", "today"}});
+        }) == path.string() + ": metadata 'made': expected 'today', found none");
+}
+
 TEST_CASE("the digest is that of the bytes with zeros in its place") {
   const TemporaryFolder folder;
   const auto path = folder / "model.safetensors";
