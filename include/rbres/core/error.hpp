@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <charconv>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -22,6 +24,12 @@ std::string text(const Parts&... parts) {
   out.precision(12);
   (out << ... << parts);
   return out.str();
+}
+
+/// The shortest text that reads back as the same number.
+inline std::string exact(double x) {
+  std::array<char, 32> text;
+  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), x).ptr};
 }
 
 /// Throws "WHAT: expected EXPECTED, found FOUND".

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
+#include <exception>
 
 #ifdef _OPENMP
 #include <omp.h>
@@ -20,13 +21,51 @@ inline int default_threads() noexcept {
 #endif
 }
 
-/// Calls task(i) for i in [0, count), over `threads` threads (0: default_threads()). Tasks must not throw,
-/// and must not share what they write: then the result cannot depend on the number of threads.
+namespace detail {
+
+/// The first exception of several threads, which must not leave the code that they run together.
+class FirstException {
+ public:
+  bool caught() const noexcept { return caught_.load(std::memory_order_acquire); }
+  /// Keeps the exception that is being handled, if it is the first. Call rethrow() when all threads are done.
+  void keep() noexcept {
+    if (!taken_.exchange(true, std::memory_order_acq_rel)) {
+      exception_ = std::current_exception();
+      caught_.store(true, std::memory_order_release);
+    }
+  }
+  void rethrow() const {
+    if (exception_) std::rethrow_exception(exception_);
+  }
+
+ private:
+  std::atomic<bool> taken_{false}, caught_{false};
+  std::exception_ptr exception_;
+};
+
+}  // namespace detail
+
+/// Calls task(i) for i in [0, count), over `threads` threads (0: default_threads()). Tasks must not share
+/// what they write: then the result cannot depend on the number of threads. Where a task throws, no new ones
+/// begin, and the first exception goes to the caller.
 template <class Task>
 void parallel_for(std::ptrdiff_t count, int threads, const Task& task) {
 #ifdef _OPENMP
   const int team = threads > 0 ? threads : default_threads();
-#pragma omp parallel for schedule(dynamic, 1) num_threads(team) if (team > 1)
+  if (team > 1) {
+    detail::FirstException first;
+#pragma omp parallel for schedule(dynamic, 1) num_threads(team)
+    for (std::ptrdiff_t i = 0; i < count; ++i) {
+      if (first.caught()) continue;
+      try {
+        task(i);
+      } catch (...) {
+        first.keep();
+      }
+    }
+    first.rethrow();
+    return;
+  }
 #else
   static_cast<void>(threads);
 #endif
@@ -41,6 +80,7 @@ class Team {
   struct Shared {
     std::atomic<std::ptrdiff_t> next{0};     ///< task
     std::atomic<int> arrived{0}, passed{0};  ///< threads that wait, and how often all have
+    detail::FirstException exception;
   };
 
   Team() noexcept = default;
@@ -50,15 +90,23 @@ class Team {
   int size() const noexcept { return size_; }
 
   /// Calls task(i) for i in [0, count), each by the thread that is free, and returns when all are done. Every
-  /// thread must call it. Tasks as those of parallel_for().
+  /// thread must call it. Tasks as those of parallel_for(): where one throws, every thread of the team leaves
+  /// by an exception.
   template <class Task>
   void share(std::ptrdiff_t count, const Task& task) const {
     if (size_ == 1) {
       for (std::ptrdiff_t i = 0; i < count; ++i) task(i);
       return;
     }
-    for (std::ptrdiff_t i = 0; (i = shared_->next.fetch_add(1, std::memory_order_relaxed)) < count;) task(i);
+    try {
+      for (std::ptrdiff_t i = 0; (i = shared_->next.fetch_add(1, std::memory_order_relaxed)) < count;)
+        task(i);
+    } catch (...) {
+      shared_->exception.keep();
+      shared_->next.store(count, std::memory_order_relaxed);
+    }
     wait();
+    if (shared_->exception.caught()) shared_->exception.rethrow();
   }
 
  private:
@@ -88,7 +136,7 @@ class Team {
 };
 
 /// Calls body(team) on each of `threads` threads (0: default_threads()), or of fewer where OpenMP gives
-/// fewer. It must not throw.
+/// fewer. It may throw where all of them do, as share() does; the caller gets the first exception.
 template <class Body>
 void parallel_team(int threads, const Body& body) {
 #ifdef _OPENMP
@@ -96,7 +144,12 @@ void parallel_team(int threads, const Body& body) {
   if (size > 1) {
     Team::Shared shared;
 #pragma omp parallel num_threads(size)
-    body(Team(omp_get_thread_num(), omp_get_num_threads(), shared));
+    try {
+      body(Team(omp_get_thread_num(), omp_get_num_threads(), shared));
+    } catch (...) {
+      shared.exception.keep();
+    }
+    shared.exception.rethrow();
     return;
   }
 #else

@@ -20,18 +20,10 @@ namespace rbres {
 
 namespace detail {
 
-/// The options on which the bits of a run depend, which is all but the threads.
-inline std::string options_text(const TrainingOptions& o) {
-  const Schedule& s = o.schedule;
-  return text("epochs ", o.epochs, ", batch size ", o.batch_size, ", schedule ", static_cast<int>(s.kind),
-              " ", s.initial, " ", s.gamma, " ", s.power, ", l2 ", o.l2, ", dropout ", o.dropout,
-              ", patience ", o.patience, ", seed ", o.seed);
-}
-
-template <class Net, class Optimizer>
-Metadata checkpoint_metadata(const Trainer<Net, Optimizer>& trainer, const Metadata& metadata) {
+template <class Net, class Optimizer, class Objective>
+Metadata checkpoint_metadata(const Trainer<Net, Optimizer, Objective>& trainer, const Metadata& metadata) {
   Metadata all = network_metadata<Net>();
-  all["options"] = options_text(trainer.options());
+  all["options"] = trainer.fingerprint();
   for (const auto& [key, value] : metadata)
     if (key == digest_key || !all.emplace(key, value).second)
       refuse("metadata of a checkpoint", "keys that leave its own alone", "'" + key + "'");
@@ -52,14 +44,14 @@ auto state_blocks(State& state) {
 
 /// Saves all that a training run needs to go on with the same bits, beside its samples, optimiser and loss,
 /// as a safetensors file: "network.0.weight", ..., "best.0.weight", ..., "moments.0.0.weight", ... and
-/// "progress", with a digest of it all. Atomic (see AtomicFile): a run killed at any moment leaves the whole
-/// old checkpoint or the whole new one. Call it after each epoch:
+/// "progress" and "history", with a digest of it all. Atomic (see AtomicFile): a run killed at any moment
+/// leaves the whole old checkpoint or the whole new one. Call it after each epoch:
 ///     trainer.train([&](const EpochReport&) { save_checkpoint(path, trainer); return true; });
 /// `metadata` say what else the run depends on, such as its data set, and must be the same when it is
 /// resumed; the keys "architecture", "scalar", "options" and "sha256" are taken. A diverged run saves
 /// nothing: the checkpoint of its last good epoch stays.
-template <class Net, class Optimizer>
-void save_checkpoint(const std::filesystem::path& path, const Trainer<Net, Optimizer>& trainer,
+template <class Net, class Optimizer, class Objective>
+void save_checkpoint(const std::filesystem::path& path, const Trainer<Net, Optimizer, Objective>& trainer,
                      const Metadata& metadata = {}) {
   const TrainingState<Net>& state = trainer.state();
   const TrainingProgress& progress = state.progress;
@@ -73,15 +65,18 @@ void save_checkpoint(const std::filesystem::path& path, const Trainer<Net, Optim
                                              std::bit_cast<std::uint64_t>(progress.best_loss),
                                              static_cast<std::uint64_t>(progress.status)};
   file.add("progress", {static_cast<Eigen::Index>(numbers.size())}, numbers.data());
+  static_assert(sizeof(EpochLosses) == 3 * sizeof(double));
+  if (!state.history.empty())
+    file.add("history", {std::ssize(state.history), 3}, &state.history[0].train_loss);
   file.write_with_digest(path);
 }
 
-/// Lets a trainer go on from a checkpoint that a trainer with the same samples, options, optimiser and loss
-/// saved; a run that its callback stopped goes on too. Error that names the path when the file is malformed
-/// or changed, or is of another network, other options (but for the threads) or other metadata; the trainer
-/// is then as it was.
-template <class Net, class Optimizer>
-void load_checkpoint(const std::filesystem::path& path, Trainer<Net, Optimizer>& trainer,
+/// Lets a trainer go on from a checkpoint that a trainer of the same fingerprint saved; a run that its
+/// callback stopped goes on too, and one that was done where this trainer has more epochs. Error that names
+/// the path when the file is malformed or changed, or is of another network, fingerprint or other metadata;
+/// the trainer is then as it was.
+template <class Net, class Optimizer, class Objective>
+void load_checkpoint(const std::filesystem::path& path, Trainer<Net, Optimizer, Objective>& trainer,
                      const Metadata& metadata = {}) {
   const SafetensorsReader file(path);
   file.require_digest("; its weights can be read with SafetensorsReader, its run must be made again");
@@ -99,10 +94,14 @@ void load_checkpoint(const std::filesystem::path& path, Trainer<Net, Optimizer>&
   // All tensors are read and checked before the first is taken, as there is no room for two states.
   for (const auto& entry : detail::state_blocks<Net>(trainer.state()))
     detail::each_parameter<Net>(file, entry.first, [](auto...) {});
-  trainer.restore([&](TrainingState<Net>& state) {
-    for (const auto& [prefix, block] : detail::state_blocks<Net>(state))
-      detail::read_parameters<Net>(file, prefix, block);
-    state.progress = progress;
+  std::vector<EpochLosses> history(progress.epoch);
+  if (!history.empty()) file.read("history", {std::ssize(history), 3}, &history[0].train_loss);
+  trainer.restore(progress, std::move(history), [&](auto network, auto best, auto moments) {
+    detail::read_parameters<Net>(file, "network.", network.data());
+    detail::read_parameters<Net>(file, "best.", best.data());
+    for (std::size_t at = 0; at < moments.size(); at += Net::block_size)
+      detail::read_parameters<Net>(file, detail::text("moments.", at / Net::block_size, "."),
+                                   moments.data() + at);
   });
 }
 

@@ -13,9 +13,12 @@ namespace rbres {
 /// Which numbers Dropout keeps: a pure function of seed, step, stage, sample and feature, so that threads
 /// change nothing.
 struct DropoutMask {
-  double rate = 0;  ///< probability of becoming 0, in [0, 1), in steps of 1/65536
+  /// Probability of becoming 0, in [0, 1), in steps of 1/65536; below 0 no number does, not even in a
+  /// FixedDropout.
+  double rate = -1;
   std::uint64_t seed = 0;
   std::uint64_t step = 0;
+  std::uint32_t first = 0;  ///< number of the first sample, so that parts of a batch differ
 };
 
 namespace detail {
@@ -45,6 +48,12 @@ inline void philox_blocks(std::uint32_t first, std::uint32_t second, std::uint32
   }
 }
 
+/// The mask of a layer that has a rate of its own, if that is not negative.
+inline DropoutMask of_layer(DropoutMask mask, double own_rate) noexcept {
+  mask.rate = mask.rate < 0 ? 0 : own_rate < 0 ? mask.rate : own_rate;
+  return mask;
+}
+
 /// Writes 0 or 1 / (1 - rate) for the features of one sample: sixteen bits of randomness for each.
 template <class T>
 void fill_dropout(const DropoutMask& mask, int stage, int features, Panels<T> factors,
@@ -55,8 +64,9 @@ void fill_dropout(const DropoutMask& mask, int stage, int features, Panels<T> fa
       static_cast<std::uint32_t>(mask.step >> 32) | 0x80000000u;  // apart from every stream of Random
   std::uint32_t words[4][16];
   for (int first = 0; first < features; first += 128) {
-    philox_blocks(static_cast<std::uint32_t>(stage << 16 | first / 8), static_cast<std::uint32_t>(sample),
-                  static_cast<std::uint32_t>(mask.step), high, mask.seed, words);
+    philox_blocks(static_cast<std::uint32_t>(stage << 16 | first / 8),
+                  mask.first + static_cast<std::uint32_t>(sample), static_cast<std::uint32_t>(mask.step),
+                  high, mask.seed, words);
     T numbers[128];
     for (int w = 0; w < 4; ++w)
       for (int b = 0; b < 16; ++b) {

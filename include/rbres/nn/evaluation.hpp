@@ -2,63 +2,69 @@
 
 #include <rbres/core/denormals.hpp>
 #include <rbres/core/parallel.hpp>
-#include <rbres/nn/loss.hpp>
+#include <rbres/nn/columns.hpp>
 
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <numeric>
 #include <vector>
 
 namespace rbres {
 
-/// The mean loss of networks without dropout, with buffers that are kept. No bit depends on the number of
-/// threads.
-template <class Net>
+/// The mean of an objective over all its items, for networks without dropout, with scratch that is kept. No
+/// bit depends on the number of threads.
+template <class Net, Objective<Net> O>
 class Evaluation {
-  using T = typename Net::Scalar;
-
  public:
-  explicit Evaluation(int threads)
-      : buffers_(static_cast<std::size_t>(threads > 0 ? threads : default_threads())) {}
+  Evaluation(const O& objective, int threads) {
+    const auto asked = std::ptrdiff_t{threads > 0 ? threads : default_threads()};
+    const std::ptrdiff_t most = std::min(most_chunks, detail::chunks(objective, objective.count()));
+    for (std::ptrdiff_t i = 0; i < std::min(asked, most); ++i)
+      threads_.push_back(
+          {objective.scratch(), std::vector<std::uint32_t>(static_cast<std::size_t>(objective.chunk()))});
+  }
 
-  double mean_loss(const Net& network, const Samples<T>& samples, const Loss<T>& loss) {
-    double total = 0;
-    for (Eigen::Index start = 0; start < samples.count(); start += std::ssize(sums_) * chunk) {
-      const Eigen::Index chunks =
-          std::min<Eigen::Index>(std::ssize(sums_), (samples.count() - start + chunk - 1) / chunk);
-      parallel_team(static_cast<int>(std::min(chunks, std::ssize(buffers_))), [&](const Team& team) {
+  /// Of the objective that it was built for, which has an item at least.
+  double mean(const Net& network, const O& objective) {
+    const std::ptrdiff_t chunk = objective.chunk(), total = detail::chunks(objective, objective.count());
+    std::array<double, static_cast<std::size_t>(most_chunks)> sums;
+    double sum = 0;
+    for (std::ptrdiff_t start = 0; start < total; start += most_chunks) {
+      const std::ptrdiff_t now = std::min(most_chunks, total - start);
+      parallel_team(static_cast<int>(std::min(now, std::ssize(threads_))), [&](const Team& team) {
         const detail::FlushDenormals flush;
-        Buffers& own = buffers_[static_cast<std::size_t>(team.index())];
-        team.share(chunks, [&](std::ptrdiff_t task) {
-          const Eigen::Index first = start + task * chunk, count = std::min(chunk, samples.count() - first);
-          network.forward(samples.inputs.middleCols(first, count), own.outputs.leftCols(count),
-                          own.workspace);
-          typename Net::Output gradient;
-          double sum = 0;
-          for (Eigen::Index c = 0; c < count; ++c)
-            sum += loss.evaluate(samples, first + c, own.outputs.col(c).data(), gradient.data());
-          sums_[static_cast<std::size_t>(task)] = sum;
+        Thread& own = threads_[static_cast<std::size_t>(team.index())];
+        team.share(now, [&](std::ptrdiff_t task) {
+          const std::ptrdiff_t first = (start + task) * chunk,
+                               count = std::min(chunk, objective.count() - first);
+          const auto items = std::span(own.items).first(static_cast<std::size_t>(count));
+          std::iota(items.begin(), items.end(), static_cast<std::uint32_t>(first));
+          sums[static_cast<std::size_t>(task)] = objective.value(network, items, own.scratch);
         });
       });
-      for (Eigen::Index i = 0; i < chunks; ++i) total += sums_[static_cast<std::size_t>(i)];
+      for (std::ptrdiff_t i = 0; i < now; ++i) sum += sums[static_cast<std::size_t>(i)];
     }
-    return total / static_cast<double>(samples.count());
+    return sum / static_cast<double>(objective.count());
   }
 
  private:
-  static constexpr Eigen::Index chunk = 96;
-  struct Buffers {
-    typename Net::Workspace workspace;
-    typename Net::Columns outputs = typename Net::Columns(Net::output_size, chunk);
+  static constexpr std::ptrdiff_t most_chunks = 64;  ///< that are summed at once
+
+  struct Thread {
+    typename O::Scratch scratch;
+    std::vector<std::uint32_t> items;  ///< of a chunk
   };
-  std::vector<Buffers> buffers_;  // one for each thread
-  std::array<double, 64> sums_;   // of chunks
+  std::vector<Thread> threads_;
 };
 
-/// Mean loss of a network without dropout. The bits do not depend on the number of threads.
+/// Mean loss of a network without dropout. The bits do not depend on the number of threads. Throws Error
+/// where there are no samples, or a size or number does not fit.
 template <class Net, class T = typename Net::Scalar>
 double mean_loss(const Net& network, const Samples<T>& samples, const Loss<T>& loss = {}, int threads = 0) {
-  return Evaluation<Net>(threads).mean_loss(network, samples, loss);
+  if (samples.count() == 0) detail::refuse("mean_loss: samples", "at least one", 0);
+  const ColumnsObjective<Net> objective(samples, loss, "mean_loss: samples");
+  return Evaluation<Net, ColumnsObjective<Net>>(objective, threads).mean(network, objective);
 }
 
 }  // namespace rbres

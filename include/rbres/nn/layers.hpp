@@ -77,6 +77,20 @@ struct Silu {
 /// nn.Dropout(p).
 struct Dropout {};
 
+/// The same with a rate of its own, in percent, whatever TrainingOptions::dropout says.
+template <int Percent>
+struct FixedDropout {
+  static_assert(Percent >= 0 && Percent < 100, "FixedDropout<Percent>: the rate must be in [0, 100) percent");
+};
+
+/// weight (x - mean) / sqrt(variance + 1e-5) + bias, mean and variance (biased) over the Size features of one
+/// sample (Ba, Kiros, Hinton 2016). L2 and weight decay leave its weight, which starts as 1, and its bias
+/// alone. In PyTorch: nn.LayerNorm(Size).
+template <int Size>
+struct LayerNorm {
+  static_assert(Size > 0, "LayerNorm<Size>: the size must be positive");
+};
+
 /// x + layers(x); the layers must return to the size they started from. In PyTorch:
 ///     class Residual(nn.Sequential):
 ///         def forward(self, x): return x + super().forward(x)
@@ -85,8 +99,8 @@ struct Residual {
   static_assert(sizeof...(Layers) > 0, "Residual<Layers...>: needs at least one layer");
 };
 
-/// One layer after the other. In PyTorch: nn.Sequential(...), whose names of parameters ("0.weight",
-/// "2.3.bias") are ours.
+/// One layer after the other, Sequential ones among them. In PyTorch: nn.Sequential(...), whose names of
+/// parameters ("0.weight", "2.3.bias") are ours.
 template <class... Layers>
 struct Sequential {
   static_assert(sizeof...(Layers) > 0, "Sequential<Layers...>: needs at least one layer");
@@ -95,7 +109,19 @@ struct Sequential {
 namespace detail {
 
 template <class Layer>
-concept Elementwise = std::is_same_v<Layer, Dropout> || requires(double x) {
+inline constexpr bool is_dropout = false;
+template <>
+inline constexpr bool is_dropout<Dropout> = true;
+template <int Percent>
+inline constexpr bool is_dropout<FixedDropout<Percent>> = true;
+/// A Dropout's own rate; below 0 it has that of the run.
+template <class Layer>
+inline constexpr double own_rate = -1;
+template <int Percent>
+inline constexpr double own_rate<FixedDropout<Percent>> = Percent / 100.0;
+
+template <class Layer>
+concept Elementwise = is_dropout<Layer> || requires(double x) {
   Layer::value(x);
   Layer::slope(x);
 };

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstddef>
 #include <functional>
+#include <iterator>
 #include <vector>
 
 namespace rbres {
@@ -47,6 +48,12 @@ struct Loss {
   std::vector<T> output_weights{};  ///< one for each output, or empty for all ones
   Term extra{};
 
+  void expect_outputs(Eigen::Index outputs) const {
+    if (!output_weights.empty() && std::ssize(output_weights) != outputs)
+      detail::refuse("Loss::output_weights", detail::text(outputs, " numbers or none"),
+                     output_weights.size());
+  }
+
   /// The loss of one sample, and its derivative by the output.
   double evaluate(const Samples<T>& samples, Eigen::Index i, const T* output, T* gradient) const {
     const Eigen::Index size = samples.targets.rows();
@@ -78,15 +85,22 @@ void expect_finite(const char* what, const ColumnsView<T>& matrix) {
 }
 
 template <class T>
-void expect_samples(const char* what, const Samples<T>& samples, Eigen::Index inputs, Eigen::Index outputs) {
+void expect_shapes(const char* what, const Samples<T>& samples, Eigen::Index inputs, Eigen::Index outputs) {
   const auto expect = [&](const char* which, const ColumnsView<T>& m, Eigen::Index rows) {
     if (m.rows() != rows || m.cols() != samples.count())
       refuse(text(what, ": ", which), text(rows, " x ", samples.count()), text(m.rows(), " x ", m.cols()));
-    expect_finite(text(what, ": ", which).c_str(), m);
   };
   expect("inputs", samples.inputs, inputs);
   expect("targets", samples.targets, outputs);
   if (samples.weights.size() != 0) expect("weights", samples.weights, outputs);
+}
+
+template <class T>
+void expect_samples(const char* what, const Samples<T>& samples, Eigen::Index inputs, Eigen::Index outputs) {
+  expect_shapes(what, samples, inputs, outputs);
+  expect_finite(text(what, ": inputs").c_str(), samples.inputs);
+  expect_finite(text(what, ": targets").c_str(), samples.targets);
+  if (samples.weights.size() != 0) expect_finite(text(what, ": weights").c_str(), samples.weights);
 }
 
 }  // namespace detail

@@ -22,7 +22,7 @@ namespace rbres {
 /// numbers stand.
 struct ParameterTensor {
   std::string name;    ///< "2.0.weight", "2.0.bias": layers counted as in nn.Sequential
-  bool is_bias;        ///< shape [rows] for a bias, [rows, columns] for a weight
+  bool is_bias;        ///< a bias, or a LayerNorm's weight: shape [rows]; else [rows, columns]
   int rows, columns;   ///< outputs and inputs; a bias has one column
   std::size_t offset;  ///< in the network's block
   int lanes;           ///< outputs in a panel
@@ -63,6 +63,16 @@ auto plain_forward(const T* parameters, const Eigen::MatrixBase<Derived>& x) {
         out[o] = sum;
       }
     }
+    if constexpr (stage.has_norm) {
+      const T* weights = parameters + Passes::offset(s);
+      const S mean = out.mean();
+      S variance(0);
+      for (const S& number : out) variance += S((number - mean) * (number - mean)) / T(stage.outputs);
+      using std::sqrt;
+      const S scale = S(1) / S(sqrt(S(variance + T(1e-5))));
+      for (int o = 0; o < stage.outputs; ++o)
+        out[o] = S((out[o] - mean) * scale) * weights[o] + weights[Passes::weight_size(s) + o];
+    }
     for (S& number : out) number = Compiled::template ChainOfStage<s>::value(number, S(1));
     if constexpr (stage.skip != none) out += values[stage.skip];
     values.push_back(std::move(out));
@@ -73,8 +83,8 @@ auto plain_forward(const T* parameters, const Eigen::MatrixBase<Derived>& x) {
 }  // namespace detail
 
 /// A network as a value: `Layers` is a Sequential<...>, T float or double. All parameters stand in one flat
-/// block, aligned to a cache line; a copy is a copy. In PyTorch the same network is the nn.Sequential of the
-/// same layers.
+/// block, aligned to a cache line; a copy is a copy, and what a move leaves is as Network(), all zero. In
+/// PyTorch the same network is the nn.Sequential of the same layers.
 template <std::floating_point T, class Layers>
 class Network {
  public:
@@ -92,6 +102,8 @@ class Network {
     for (int s = 0; s < Compiled::stage_count; ++s)
       if (const auto& stage = Compiled::stage(s); stage.has_linear)
         sum += static_cast<std::size_t>(stage.outputs) * static_cast<std::size_t>(stage.inputs + 1);
+      else if (stage.has_norm)
+        sum += 2 * static_cast<std::size_t>(stage.outputs);
     return sum;
   }();
 
@@ -100,10 +112,14 @@ class Network {
   using Columns = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
 
   /// Scratch for batches and for derivatives, which the caller keeps; its size does not depend on the batch.
+  /// It has no value: a copy, and what a move leaves, is new scratch.
   class Workspace {
    public:
     Workspace()
-        : numbers_(static_cast<std::size_t>(std::max(chunk * Passes::slots_size, 2 * Tape::sample_size))) {}
+        : numbers_(std::max(static_cast<std::size_t>(chunk * Passes::slots_size),
+                            static_cast<std::size_t>(2 * Tape::sample_size) + Passes::backward_size)) {}
+    Workspace(const Workspace&) : Workspace() {}
+    Workspace& operator=(const Workspace&) noexcept { return *this; }
 
    private:
     friend Network;
@@ -114,7 +130,7 @@ class Network {
   Network() : parameters_(block_size) {}
 
   /// Weights drawn from a normal distribution of variance 2 / inputs, biases zero (He, Zhang, Ren, Sun 2015,
-  /// section 2.2).
+  /// section 2.2); the weights of a LayerNorm one.
   explicit Network(std::uint64_t seed) : Network() {
     Random random(seed);
     for (const ParameterTensor& tensor : tensors()) {
@@ -124,23 +140,29 @@ class Network {
         for (int c = 0; c < tensor.columns; ++c)
           parameters_[tensor.index(r, c)] = static_cast<T>(deviation * random.normal());
     }
+    for (int s = 0; s < Compiled::stage_count; ++s)
+      if (Compiled::stage(s).has_norm)
+        std::fill_n(parameters_.data() + Passes::offset(s), Compiled::stage(s).outputs, T{1});
   }
 
   /// The whole block. Numbers that no tensor names are filling and must stay zero.
-  std::span<T> parameters() noexcept { return {parameters_.data(), block_size}; }
-  std::span<const T> parameters() const noexcept { return {parameters_.data(), block_size}; }
+  std::span<T> parameters() {
+    if (parameters_.size() == 0) parameters_ = AlignedBuffer<T>(block_size);
+    return {parameters_.data(), block_size};
+  }
+  std::span<const T> parameters() const noexcept { return {block(), block_size}; }
 
-  /// Every tensor, in the order of the block: weight and bias of each Linear.
+  /// Every tensor, in the order of the block: weight and bias of each Linear and LayerNorm.
   static std::vector<ParameterTensor> tensors() {
     std::vector<std::string> names;
     detail::append_names(names, "", Layers{});
     std::vector<ParameterTensor> all;
-    for (int s = 0, linear = 0; s < Compiled::stage_count; ++s) {
+    for (int s = 0, layer = 0; s < Compiled::stage_count; ++s) {
       const detail::Stage& stage = Compiled::stage(s);
-      if (!stage.has_linear) continue;
-      const std::string& name = names[static_cast<std::size_t>(linear++)];
-      all.push_back(
-          {name + ".weight", false, stage.outputs, stage.inputs, Passes::offset(s), detail::lanes<T>});
+      if (!stage.has_linear && !stage.has_norm) continue;
+      const std::string& name = names[static_cast<std::size_t>(layer++)];
+      all.push_back({name + ".weight", stage.has_norm, stage.outputs, stage.has_linear ? stage.inputs : 1,
+                     Passes::offset(s), detail::lanes<T>});
       all.push_back({name + ".bias", true, stage.outputs, 1, Passes::offset(s) + Passes::weight_size(s),
                      detail::lanes<T>});
     }
@@ -149,10 +171,13 @@ class Network {
 
   /// The prediction for one sample. Allocates nothing.
   Output forward(const Input& x) const noexcept {
+    static_assert(
+        static_cast<std::size_t>(Passes::slots_size) * sizeof(T) <= std::size_t{1} << 20,
+        "Network::forward: so wide a network has no room on the stack; pass columns and a Workspace");
     alignas(64) T slots[static_cast<std::size_t>(Passes::slots_size)];
     Output y;
     Passes::template put<input_size>(x.data(), Passes::slot(slots, 1, 0), 0);
-    Passes::forward(1, parameters_.data(), slots, 1);
+    Passes::forward(1, block(), slots, 1);
     Passes::template take<output_size>(Passes::slot(slots, 1, Compiled::stage_count), 0, y.data());
     return y;
   }
@@ -163,7 +188,7 @@ class Network {
       const Eigen::MatrixBase<Derived>& x) const {
     static_assert(Derived::SizeAtCompileTime == input_size,
                   "Network::forward: x must have input_size numbers");
-    return detail::plain_forward<Compiled, Passes>(parameters_.data(), x);
+    return detail::plain_forward<Compiled, Passes>(block(), x);
   }
 
   /// A prediction for each column: `inputs` is input_size x n, `outputs` output_size x n, else throws Error.
@@ -178,7 +203,7 @@ class Network {
       const std::ptrdiff_t room = count == 1 ? 1 : chunk;
       for (int c = 0; c < count; ++c)
         Passes::template put<input_size>(inputs.col(first + c).data(), Passes::slot(slots, room, 0), c);
-      Passes::forward(count, parameters_.data(), slots, room);
+      Passes::forward(count, block(), slots, room);
       for (int c = 0; c < count; ++c)
         Passes::template take<output_size>(Passes::slot(slots, room, Compiled::stage_count), c,
                                            outputs.col(first + c).data());
@@ -190,7 +215,7 @@ class Network {
     const Tape tape = record(x, workspace);
     Output y;
     Passes::template put<input_size>(v.data(), tape.gradient(0), 0);
-    Passes::tangent(parameters_.data(), tape);
+    Passes::tangent(block(), tape);
     Passes::template take<output_size>(tape.gradient(Compiled::stage_count), 0, y.data());
     return y;
   }
@@ -203,7 +228,7 @@ class Network {
     if constexpr (Passes::output_has_slope)
       for (int i = 0; i < output_size; ++i) last[i] *= *tape.gradient(Compiled::stage_count).at(i, 0);
     Passes::template put<output_size>(last.data(), tape.gradient(Compiled::stage_count), 0);
-    Passes::backward(parameters_.data(), tape, 0, 1, true);
+    Passes::backward(block(), tape, 0, 1, true, workspace.numbers_.data() + 2 * Tape::sample_size);
     Passes::template take<input_size>(tape.gradient(0), 0, gradient.data());
     return gradient;
   }
@@ -218,11 +243,14 @@ class Network {
     T* numbers = workspace.numbers_.data();
     const Tape tape{numbers, numbers + Tape::sample_size, 1};
     Passes::template put<input_size>(x.data(), tape.value(0), 0);
-    Passes::record(parameters_.data(), tape, 0, 1, DropoutMask{});
+    Passes::record(block(), tape, 0, 1, DropoutMask{});
     return tape;
   }
 
-  AlignedBuffer<T> parameters_;
+  const T* block() const noexcept { return parameters_.size() == 0 ? zeros : parameters_.data(); }
+
+  alignas(64) static inline T zeros[block_size] = {};  ///< nobody writes them
+  AlignedBuffer<T> parameters_;                        ///< empty after a move
 };
 
 }  // namespace rbres

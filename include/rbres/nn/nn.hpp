@@ -19,15 +19,24 @@
 ///
 ///     Trainer trainer(net, {columns(inputs), columns(targets)}, {columns(val_inputs), columns(val_targets)},
 ///                     {.epochs = 200, .batch_size = 64, .schedule = {.initial = 1e-3}});
-///     trainer.train([&](const EpochReport& report) { ...; return true; });   // trainer.state() is all that
-///     a checkpoint net = trainer.best();                                                  // needs;
-///     trainer.restore(...) goes on
+///     trainer.train([&](const EpochReport& report) { ...; return true; });
+///     net = trainer.best();      // trainer.state() is all that a checkpoint needs, trainer.restore(...)
+///     goes on
+///
+///     // Anything that an Objective describes trains as columns do; a Tape differentiates through the
+///     network. Trainer rollouts(net, MyRollouts(...), MyRollouts(...), options, Clipped<AdamW>{{}, 1.0});
+///     rollouts.set_schedule(WarmUp{Schedule{.initial = 2e-3}, 100});
 #include <rbres/nn/backpropagation.hpp>
+#include <rbres/nn/columns.hpp>
 #include <rbres/nn/evaluation.hpp>
+#include <rbres/nn/gradient.hpp>
 #include <rbres/nn/layers.hpp>
 #include <rbres/nn/loss.hpp>
 #include <rbres/nn/network.hpp>
+#include <rbres/nn/objective.hpp>
 #include <rbres/nn/optimizer.hpp>
 #include <rbres/nn/residual_network.hpp>
 #include <rbres/nn/schedule.hpp>
+#include <rbres/nn/tape.hpp>
 #include <rbres/nn/trainer.hpp>
+#include <rbres/nn/training.hpp>

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <rbres/nn/dropout.hpp>
+#include <rbres/nn/layer_norm.hpp>
 #include <rbres/nn/linear.hpp>
 #include <rbres/nn/stages.hpp>
 
@@ -27,12 +28,12 @@ struct Passes {
 
   static constexpr std::size_t weight_size(int s) {
     const Stage& stage = C::stage(s);
-    return stage.has_linear
-               ? static_cast<std::size_t>(padded<T>(stage.outputs)) * static_cast<std::size_t>(stage.inputs)
-               : 0;
+    const auto columns = static_cast<std::size_t>(stage.has_linear ? stage.inputs : stage.has_norm ? 1 : 0);
+    return static_cast<std::size_t>(padded<T>(stage.outputs)) * columns;
   }
   static constexpr std::size_t bias_size(int s) {
-    return C::stage(s).has_linear ? static_cast<std::size_t>(padded<T>(C::stage(s).outputs)) : 0;
+    const Stage& stage = C::stage(s);
+    return stage.has_linear || stage.has_norm ? static_cast<std::size_t>(padded<T>(stage.outputs)) : 0;
   }
   /// Where stage s has its weights; its biases follow. offset(stage_count) is the size of the whole block.
   static constexpr std::size_t offset(int s) {
@@ -42,6 +43,37 @@ struct Passes {
   }
   static constexpr std::size_t parameter_size = offset(C::stage_count);
   static constexpr bool output_has_slope = C::stage(C::stage_count - 1).count > 0;
+
+  /// Calls f(begin, end, is_weight) for the parts of [first, last) of the block that are weights of a Linear
+  /// and those that are not.
+  template <class F>
+  static void each_range(std::size_t first, std::size_t last, const F& f) {
+    const auto within = [&](std::size_t begin, std::size_t end, bool is_weight) {
+      begin = std::max(begin, first), end = std::min(end, last);
+      if (begin < end) f(begin, end, is_weight);
+    };
+    for (int s = 0; s < C::stage_count; ++s) {
+      const std::size_t bias = offset(s) + weight_size(s);
+      within(offset(s), bias, C::stage(s).has_linear);
+      within(bias, bias + bias_size(s), false);
+    }
+  }
+
+  /// Numbers that backward() and the gradient of one group of outputs need beside the tape.
+  static constexpr std::size_t backward_size = [] {
+    std::size_t most = 0;
+    for (int s = 0; s < C::stage_count; ++s)
+      if (C::stage(s).has_linear) most = std::max(most, group_size<T>(padded<T>(C::stage(s).outputs)));
+    return most;
+  }();
+  static constexpr std::size_t gradient_size = [] {
+    std::size_t most = 0;
+    for (int s = 0; s < C::stage_count; ++s) {
+      if (C::stage(s).has_linear) most = std::max(most, group_size<T>(C::stage(s).inputs));
+      if (C::stage(s).has_norm) most = std::max(most, 2 * bias_size(s));
+    }
+    return most;
+  }();
 
   /// Buffers of one sample at inference.
   static constexpr std::ptrdiff_t slot_size = padded<T>(C::max_size);
@@ -99,7 +131,7 @@ struct Passes {
       constexpr Stage info = C::stage(s);
       if constexpr (info.has_dropout)
         for (std::ptrdiff_t c = first; c < first + count; ++c)
-          fill_dropout(mask, s, padded<T>(info.outputs), tape.gradient(s + 1), c);
+          fill_dropout(of_layer(mask, info.rate), s, padded<T>(info.outputs), tape.gradient(s + 1), c);
       stage<s, true>(count, parameters, tape.value(s).from(0, first),
                      tape.value(std::max(info.skip, 0)).from(0, first), tape.value(s + 1).from(0, first),
                      tape.gradient(s + 1).from(0, first));
@@ -120,6 +152,8 @@ struct Passes {
       };
       if constexpr (info.has_linear) {
         multiply_row<T>(info.outputs, info.inputs, parameters + offset(s), in, finish);
+      } else if constexpr (info.has_norm) {
+        norm_tangent<T>(info.outputs, parameters + offset(s), {tape.value(s).data, 1}, in, finish);
       } else {
         for (int lane = 0; lane < padded<T>(info.outputs); lane += simd_width<T>)
           finish(0, lane, load(in + lane));
@@ -128,9 +162,9 @@ struct Passes {
   }
 
   /// Turns the slopes of samples [first, first + count) into gradients of every z, from the output's in the
-  /// last (reverse mode).
-  static void backward(const T* parameters, const Tape& tape, std::ptrdiff_t first, int count,
-                       bool to_input) noexcept {
+  /// last (reverse mode). `cache` has backward_size numbers, aligned.
+  static void backward(const T* parameters, const Tape& tape, std::ptrdiff_t first, int count, bool to_input,
+                       T* cache) noexcept {
     unrolled<C::stage_count>([&](auto reversed) {
       constexpr int v =
           C::stage_count - 1 - reversed;  // the value whose gradient comes next, through stage v
@@ -149,8 +183,9 @@ struct Passes {
       const Matrix in = tape.gradient(v + 1).from(0, first);
       if constexpr (C::stage(v).has_linear) {
         constexpr Stage info = C::stage(v);
-        alignas(64) T cache[group_size<T>(padded<T>(info.outputs))];
         linear_transposed<T>(info.inputs, info.outputs, count, parameters + offset(v), in, cache, finish);
+      } else if constexpr (C::stage(v).has_norm) {
+        norm_backward<T>(C::size(v), count, parameters + offset(v), tape.value(v).from(0, first), in, finish);
       } else {
         for (int c = 0; c < count; ++c)
           for (int lane = 0; lane < padded<T>(C::size(v)); lane += simd_width<T>)
@@ -169,6 +204,8 @@ struct Passes {
     if constexpr (info.has_linear) {
       linear<Chain, info.skip != none, Recorded>(info.inputs, info.outputs, count, parameters + offset(S), in,
                                                  skip, out, slope);
+    } else if constexpr (info.has_norm) {
+      norm<Chain, Recorded>(info.outputs, count, parameters + offset(S), in, out, slope);
     } else {
       elementwise<Chain, info.skip != none, Recorded>(info.outputs, count, in, skip, out, slope);
     }

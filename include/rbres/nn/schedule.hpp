@@ -1,9 +1,45 @@
 #pragma once
 
+#include <rbres/core/error.hpp>
+
 #include <cmath>
+#include <cstdint>
+#include <limits>
 #include <numbers>
+#include <span>
+#include <string>
 
 namespace rbres {
+
+/// What an epoch of training found.
+struct EpochLosses {
+  double train_loss = 0;       ///< mean over the epoch, with dropout, without the L2 term
+  double validation_loss = 0;  ///< without dropout and the L2 term; NaN where there are no validation items
+  double learning_rate = 0;    ///< of the epoch's last step
+
+  /// What decides which weights are the best.
+  double monitored() const noexcept { return std::isnan(validation_loss) ? train_loss : validation_loss; }
+};
+
+/// Where a run is at a step. A schedule is a function of it: double schedule(const TrainingTime&), the
+/// learning rate.
+struct TrainingTime {
+  int epoch = 0, epochs = 1;               ///< 0, 1, ..., epochs - 1
+  std::uint64_t step = 0;                  ///< 0, 1, ..., counted from the run's first
+  std::span<const EpochLosses> history{};  ///< of the epochs before this one
+};
+
+/// How many epochs ago the loss last fell by more than min_delta below its lowest value at that time.
+struct Stagnation {
+  double least = std::numeric_limits<double>::infinity();
+  int epochs = 0;
+  void add(double loss, double min_delta) noexcept {
+    if (loss < least - min_delta)
+      least = loss, epochs = 0;
+    else
+      ++epochs;
+  }
+};
 
 /// How the learning rate falls from epoch to epoch.
 struct Schedule {
@@ -29,6 +65,78 @@ struct Schedule {
     }
     return initial;
   }
+  double operator()(const TrainingTime& now) const noexcept { return rate(now.epoch, now.epochs); }
+
+  /// Throws Error where a number is out of its range.
+  void check() const {
+    const auto expect = [](bool fits, const char* what, const char* expected, double found) {
+      if (!fits) detail::refuse(what, expected, found);
+    };
+    expect(initial > 0 && std::isfinite(initial), "TrainingOptions::schedule.initial", "above 0", initial);
+    expect(gamma >= 0 && std::isfinite(gamma), "TrainingOptions::schedule.gamma", "at least 0", gamma);
+    expect(std::isfinite(power), "TrainingOptions::schedule.power", "a finite number", power);
+  }
+  /// By which a checkpoint knows it again.
+  std::string text() const {
+    return detail::text("schedule ", static_cast<int>(kind), " ", detail::exact(initial), " ",
+                        detail::exact(gamma), " ", detail::exact(power));
+  }
 };
+
+namespace detail {
+/// A schedule's own text, or that it has none.
+template <class S>
+std::string schedule_text(const S& schedule) {
+  if constexpr (requires { schedule.text(); })
+    return schedule.text();
+  else
+    return "a schedule of the user's own";
+}
+}  // namespace detail
+
+/// Another schedule whose rates rise from nearly 0 along a line over the first `steps` steps (Goyal et al.
+/// 2017, section 2.2). As PyTorch's LinearLR with start_factor 1 / steps and total_iters steps - 1.
+template <class S>
+struct WarmUp {
+  S schedule;
+  std::uint64_t steps;
+
+  double operator()(const TrainingTime& now) const {
+    const double height =
+        now.step + 1 < steps ? static_cast<double>(now.step + 1) / static_cast<double>(steps) : 1;
+    return height * schedule(now);
+  }
+  std::string text() const { return detail::text(detail::schedule_text(schedule), " warm-up ", steps); }
+};
+template <class S, class Count>
+WarmUp(S, Count) -> WarmUp<S>;
+
+/// Another schedule whose rates are multiplied by `factor` each time that the loss has not fallen by more
+/// than min_delta for more than `patience` epochs. As PyTorch's ReduceLROnPlateau with threshold_mode "abs".
+template <class S>
+struct Plateau {
+  S schedule;
+  double factor = 0.1;
+  int patience = 10;
+  double min_delta = 0;
+
+  double operator()(const TrainingTime& now) const {
+    Stagnation stagnation;
+    double height = 1;
+    for (const EpochLosses& epoch : now.history) {
+      stagnation.add(epoch.monitored(), min_delta);
+      if (stagnation.epochs <= patience) continue;
+      height *= factor;
+      stagnation.epochs = 0;
+    }
+    return height * schedule(now);
+  }
+  std::string text() const {
+    return detail::text(detail::schedule_text(schedule), " plateau ", detail::exact(factor), " ", patience,
+                        " ", detail::exact(min_delta));
+  }
+};
+template <class S, class... Numbers>
+Plateau(S, Numbers...) -> Plateau<S>;
 
 }  // namespace rbres

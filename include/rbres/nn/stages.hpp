@@ -17,15 +17,15 @@ namespace rbres::detail {
 
 inline constexpr int none = -1;
 
-/// z = W x + b (or x, where there is no Linear); y = elementwise layers(z) (+ value `skip`). Value 0 is the
-/// network's input, and stage s turns value s into value s + 1. Where there is a skip there are no
-/// elementwise layers.
+/// z = W x + b, or layer norm(x), or x; y = elementwise layers(z) (+ value `skip`). Value 0 is the network's
+/// input, and stage s turns value s into value s + 1. Where there is a skip there are no elementwise layers.
 struct Stage {
-  bool has_linear = false;
+  bool has_linear = false, has_norm = false;
   int inputs = 0, outputs = 0;
   int skip = none;
   int first = 0, count = 0;  // elementwise layers, as a range of all of the network
   bool has_dropout = false;  // at most one of them
+  double rate = -1;          // its own rate, if not negative
 };
 
 template <std::size_t Capacity>
@@ -54,14 +54,29 @@ constexpr void append(Plan& plan, Linear<In, Out>) {
   plan.push({.has_linear = true, .inputs = In, .outputs = Out, .first = plan.elementwise_count});
 }
 
+template <class Plan, int Size>
+constexpr void append(Plan& plan, LayerNorm<Size>) {
+  plan.expect(Size, plan.size);
+  plan.push({.has_norm = true, .inputs = Size, .outputs = Size, .first = plan.elementwise_count});
+}
+
 template <class Plan, Elementwise Layer>
 constexpr void append(Plan& plan, Layer) {
-  constexpr bool dropout = std::is_same_v<Layer, Dropout>;
+  constexpr bool dropout = is_dropout<Layer>;
   if (plan.sealed || (dropout && plan.last().has_dropout))
     plan.push({.inputs = plan.size, .outputs = plan.size, .first = plan.elementwise_count});
   plan.last().count += 1;
   plan.last().has_dropout |= dropout;
+  if (dropout) plan.last().rate = own_rate<Layer>;
   plan.elementwise_count += 1;
+}
+
+template <class Plan, class... Layers>
+constexpr void append(Plan& plan, Residual<Layers...>);
+
+template <class Plan, class... Layers>
+constexpr void append(Plan& plan, Sequential<Layers...>) {
+  (append(plan, Layers{}), ...);
 }
 
 template <class Plan, class... Layers>
@@ -77,7 +92,8 @@ constexpr void append(Plan& plan, Residual<Layers...>) {
   plan.sealed = true;
 }
 
-/// Size that the first Linear takes, 0 where there is none; and upper bound of the number of stages.
+/// Size that the first layer with a size takes, 0 where there is none; and upper bound of the number of
+/// stages.
 template <class Layer>
 struct Shape {
   static constexpr int inputs = 0;
@@ -87,6 +103,12 @@ struct Shape {
 template <int In, int Out>
 struct Shape<Linear<In, Out>> {
   static constexpr int inputs = In;
+  static constexpr std::size_t stages = 1;
+  using Elementwise = std::tuple<>;
+};
+template <int Size>
+struct Shape<LayerNorm<Size>> {
+  static constexpr int inputs = Size;
   static constexpr std::size_t stages = 1;
   using Elementwise = std::tuple<>;
 };
@@ -133,7 +155,7 @@ struct Chain {
  private:
   template <class Layer, class T>
   [[gnu::always_inline]] static T apply(const T& z, [[maybe_unused]] const T& factor) {
-    if constexpr (std::is_same_v<Layer, Dropout>) {
+    if constexpr (is_dropout<Layer>) {
       return z * factor;
     } else {
       return Layer::value(z);
@@ -141,7 +163,7 @@ struct Chain {
   }
   template <class Layer, class T>
   [[gnu::always_inline]] static T slope_of([[maybe_unused]] const T& z, [[maybe_unused]] const T& factor) {
-    if constexpr (std::is_same_v<Layer, Dropout>) {
+    if constexpr (is_dropout<Layer>) {
       return factor;
     } else {
       return Layer::slope(z);
@@ -161,7 +183,8 @@ template <class... Layers>
 struct Compiled<Sequential<Layers...>> {
   using Described = Shape<Sequential<Layers...>>;
   using AllElementwise = typename Described::Elementwise;
-  static_assert(Described::inputs > 0, "Sequential: needs at least one Linear, which gives the sizes");
+  static_assert(Described::inputs > 0,
+                "Sequential: needs at least one Linear or LayerNorm, which gives the sizes");
 
   static constexpr auto plan = [] {
     Plan<Described::stages> p;
@@ -214,9 +237,14 @@ struct Compiled<Sequential<Layers...>> {
       std::make_index_sequence<static_cast<std::size_t>(stage(S).count)>{}));
 };
 
-/// Names of the Linear layers, as the equivalent nn.Sequential counts them, in the order of the stages.
+/// Names of the layers with parameters, as the equivalent nn.Sequential counts them, in the order of the
+/// stages.
 template <int In, int Out>
 void append_names(std::vector<std::string>& names, const std::string& name, Linear<In, Out>) {
+  names.push_back(name);
+}
+template <int Size>
+void append_names(std::vector<std::string>& names, const std::string& name, LayerNorm<Size>) {
   names.push_back(name);
 }
 template <Elementwise Layer>

@@ -1,105 +1,62 @@
 #pragma once
 
 #include <rbres/core/denormals.hpp>
-#include <rbres/nn/backpropagation.hpp>
 #include <rbres/nn/evaluation.hpp>
+#include <rbres/nn/gradient_source.hpp>
 #include <rbres/nn/optimizer.hpp>
-#include <rbres/nn/schedule.hpp>
+#include <rbres/nn/training.hpp>
 
 #include <chrono>
 #include <concepts>
 #include <cstdint>
 #include <functional>
-#include <limits>
 #include <numeric>
+#include <optional>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
 namespace rbres {
 
-/// How to train; the defaults are those of arXiv 2407.18798, section 3. Plain numbers.
-struct TrainingOptions {
-  int epochs = 200;
-  int batch_size = 64;
-  Schedule schedule{};
-  double l2 = 1e-4;      ///< λ: the loss that is minimised has + λ Σ w² over all weights, not over biases
-  double dropout = 0.2;  ///< rate of every Dropout layer
-  int patience = 20;     ///< epochs without a better loss before the run stops; 0: never stops early
-  std::uint64_t seed = 0;  ///< of shuffling and dropout
-  int threads = 0;         ///< 0: default_threads(); changes no bit of the result
-};
-
-enum class TrainingStatus : std::uint32_t {
-  running,
-  finished,       ///< all epochs done
-  early_stopped,  ///< no better loss for `patience` epochs
-  stopped,        ///< by the callback
-  diverged        ///< a loss was not finite; the best weights are those of before
-};
-
-/// Where a run stands. Shuffling and dropout are functions of seed, epoch and step, so these are the
-/// generator's state too.
-struct TrainingProgress {
-  std::uint64_t epoch = 0;       ///< epochs done
-  std::uint64_t step = 0;        ///< optimiser steps done
-  std::uint64_t best_epoch = 0;  ///< epochs done when the best loss was found; 0: none yet
-  double best_loss = std::numeric_limits<double>::infinity();
-  TrainingStatus status = TrainingStatus::running;
-};
-
-/// Everything that a run needs to go on with the same bits, beside its data, options, optimiser and loss.
-template <class Net>
-struct TrainingState {
-  Net network;  ///< the newest weights
-  Net best;     ///< those with the lowest validation loss, or training loss where there are no validation
-                ///< samples
-  AlignedBuffer<typename Net::Scalar> moments;  ///< Optimizer::moment_count blocks of Net::block_size
-  TrainingProgress progress{};
-};
-
-/// What a callback hears after each epoch.
-struct EpochReport {
-  std::uint64_t epoch = 0;  ///< epochs done
-  int epochs = 0;
-  double train_loss = 0;       ///< mean over the epoch, with dropout, without the L2 term
-  double validation_loss = 0;  ///< without dropout and the L2 term; NaN where there are no validation samples
-  double best_loss = 0;
-  double learning_rate = 0;
-  double samples_per_second = 0;
-  double seconds_left = 0;  ///< if all epochs are run
-  TrainingStatus status = TrainingStatus::running;
-};
-
-/// Trains a network. The samples must outlive the trainer.
-template <class Net, class Optimizer = Adam>
+/// Trains a network on an objective: by default columns with targets, which must outlive the trainer. A move
+/// is a copy.
+template <class Net, class Optimizer = Adam, Objective<Net> O = ColumnsObjective<Net>>
 class Trainer {
+  using MaybeO = std::optional<O>;
+
  public:
   using Scalar = typename Net::Scalar;
   using Callback = std::function<bool(const EpochReport&)>;
+  using LearningRate = std::function<double(const TrainingTime&)>;
 
   /// Throws Error where a size does not fit, an option is out of its range, or a number in the samples is not
   /// finite. Without validation samples the training loss decides which weights are the best.
   Trainer(Net network, const Samples<Scalar>& train, const Samples<Scalar>& validation,
-          const TrainingOptions& options = {}, const Optimizer& optimizer = {}, Loss<Scalar> loss = {})
-      : options_(options),
-        optimizer_(optimizer),
-        loss_(std::move(loss)),
-        train_(train),
-        validation_(validation),
-        state_{network,
-               std::move(network),
-               AlignedBuffer<Scalar>(Optimizer::moment_count * Net::block_size),
-               {}},
-        gradients_(checked(options, train)),
-        evaluation_(options.threads),
-        order_(static_cast<std::size_t>(train.count())) {
-    detail::expect_samples("Trainer: training samples", train_, Net::input_size, Net::output_size);
-    if (validation_.count() != 0)
-      detail::expect_samples("Trainer: validation samples", validation_, Net::input_size, Net::output_size);
-    if (!loss_.output_weights.empty() && loss_.output_weights.size() != Net::output_size)
-      detail::refuse("Trainer: output weights", detail::text(Net::output_size, " numbers or none"),
-                     loss_.output_weights.size());
+          const TrainingOptions& options = {}, const Optimizer& optimizer = {},
+          Loss<Scalar> loss = {}) requires(std::same_as<O, ColumnsObjective<Net>>)
+      : Trainer(std::move(network), O(train, loss, "Trainer: training samples"),
+                MaybeO(O(validation, loss, "Trainer: validation samples")), options, optimizer) {}
+
+  /// The same for any objective, and another of its type to validate on.
+  Trainer(Net network, O objective, std::type_identity_t<std::optional<O>> validation = {},
+          const TrainingOptions& options = {}, const Optimizer& optimizer = {})
+      : options_(checked(options, objective)),
+        optimizer_(checked(optimizer)),
+        rate_(options.schedule),
+        rate_text_(options.schedule.text()),
+        objective_(std::move(objective)),
+        validation_(std::move(validation)),
+        state_{network, std::move(network), AlignedBuffer<Scalar>(moments_size), {}, {}},
+        items_(detail::all_items(objective_.count())),
+        gradients_(objective_, batch(), asked_threads()) {
+    if (validation_ && validation_->count() > 0) evaluation_.emplace(*validation_, options_.threads);
+    if constexpr (detail::ClipsGradients<Optimizer>)
+      if (optimizer_.clips()) gradient_.emplace();
+    make_room();
+    state_.progress.status = standing();
   }
+  Trainer(const Trainer&) = default;
+  Trainer& operator=(const Trainer&) = default;
 
   const TrainingOptions& options() const noexcept { return options_; }
   const TrainingState<Net>& state() const noexcept { return state_; }
@@ -107,33 +64,82 @@ class Trainer {
   const Net& network() const noexcept { return state_.network; }
   const Net& best() const noexcept { return state_.best; }
 
-  /// Goes on from a state that a trainer with the same samples, options, optimiser and loss had between two
-  /// epochs. write(state) puts it in the place of this trainer's, so that memory never holds a second one.
-  template <std::invocable<TrainingState<Net>&> Write>
-  void restore(const Write& write) {
-    write(state_);
-    if (state_.moments.size() != Optimizer::moment_count * Net::block_size)
-      detail::refuse("Trainer::restore: moments",
-                     detail::text(Optimizer::moment_count * Net::block_size, " numbers"),
-                     state_.moments.size());
+  /// From now on the learning rate of each step is schedule(TrainingTime), in place of options.schedule: a
+  /// WarmUp, a Plateau, a function of the user's own. It must depend on nothing but its argument, and is
+  /// called by several threads at once.
+  template <class S>
+  void set_schedule(S schedule) {
+    rate_text_ = detail::schedule_text(schedule);
+    rate_ = std::move(schedule);
   }
 
-  /// One pass over the training samples in a new order, and one over the validation samples. Does nothing
-  /// once the status is no longer `running`.
+  /// All that the bits of a run depend on beside its network, as a text: options but for epochs, patience and
+  /// threads, schedule, optimiser, and a digest of the items where the objective has one. Two runs of which
+  /// these agree can go on from each other's states.
+  std::string fingerprint() const {
+    std::string text = detail::text("batch size ", options_.batch_size, ", ", rate_text_, ", l2 ",
+                                    detail::exact(options_.l2), ", dropout ", detail::exact(options_.dropout),
+                                    ", optimizer ");
+    if constexpr (requires { optimizer_.text(); })
+      text += optimizer_.text();
+    else
+      text += "of the user's own";
+    const auto add = [&](const char* what, const O& objective) {
+      if constexpr (requires { objective.digest(); })
+        text += detail::text(", ", what, " ", detail::hexadecimal(objective.digest()));
+      else
+        text += detail::text(", ", objective.count(), " ", what);
+    };
+    add("items", objective_);
+    if (evaluation_) add("validation items", *validation_);
+    return text + detail::text(", seed ", options_.seed);
+  }
+
+  /// Goes on from a state that a trainer of the same fingerprint had between two epochs. A run that was over
+  /// goes on where this trainer's options give it more epochs or patience. write(state) gets a copy of this
+  /// trainer's state to change; where it throws, or leaves a state that makes no sense (Error), the trainer
+  /// is as it was.
+  template <std::invocable<TrainingState<Net>&> Write>
+  void restore(const Write& write) {
+    TrainingState<Net> state = state_;
+    write(state);
+    detail::expect_state(state.progress, state.history, options_);
+    if (state.moments.size() != moments_size)
+      detail::refuse("Trainer::restore: moments", detail::text(moments_size, " numbers"),
+                     state.moments.size());
+    state_ = std::move(state);
+    go_on();
+  }
+
+  /// The same where memory shall not hold a second state: progress and history are checked first (Error, and
+  /// the trainer is as it was), then fill(network, best, moments) gets the blocks themselves, as spans. Where
+  /// fill throws, weights and moments are what it left them.
+  template <std::invocable<std::span<Scalar>, std::span<Scalar>, std::span<Scalar>> Fill>
+  void restore(const TrainingProgress& progress, std::vector<EpochLosses> history, const Fill& fill) {
+    detail::expect_state(progress, history, options_);
+    fill(state_.network.parameters(), state_.best.parameters(),
+         std::span<Scalar>(state_.moments.data(), moments_size));
+    state_.progress = progress;
+    state_.history = std::move(history);
+    go_on();
+  }
+
+  /// One pass over the training items in a new order, and one over the validation items. Does nothing
+  /// once the status is no longer `running`. What the objective throws goes to the caller; the run, whose
+  /// newest weights are then of the middle of an epoch, has diverged.
   EpochReport run_epoch() {
     TrainingProgress& progress = state_.progress;
     EpochReport report;
     report.epochs = options_.epochs;
     if (progress.status == TrainingStatus::running) {
       const auto start = std::chrono::steady_clock::now();
-      report.learning_rate = options_.schedule.rate(static_cast<int>(progress.epoch), options_.epochs);
-      report.train_loss = descend(report.learning_rate);
-      const bool validated = validation_.count() != 0;
-      report.validation_loss = validated ? evaluation_.mean_loss(state_.network, validation_, loss_)
-                                         : std::numeric_limits<double>::quiet_NaN();
-      judge(validated ? report.validation_loss : report.train_loss);
+      const EpochLosses losses = pass();
+      judge(losses);
+      report.train_loss = losses.train_loss;
+      report.validation_loss = losses.validation_loss;
+      report.learning_rate = losses.learning_rate;
       const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-      report.samples_per_second = static_cast<double>(train_.count()) / seconds;
+      report.samples_per_second = static_cast<double>(items_.size()) / seconds;
       report.seconds_left = seconds * (options_.epochs - static_cast<double>(progress.epoch));
     }
     report.epoch = progress.epoch;
@@ -142,74 +148,112 @@ class Trainer {
     return report;
   }
 
-  /// Epochs until the run is over or the callback returns false.
+  /// Epochs until the run is over or the callback returns false, after which a second call goes on.
   TrainingStatus train(const Callback& callback = {}) {
-    while (state_.progress.status == TrainingStatus::running) {
+    TrainingStatus& status = state_.progress.status;
+    if (status == TrainingStatus::stopped) status = standing();
+    while (status == TrainingStatus::running) {
       const EpochReport report = run_epoch();
-      if (callback && !callback(report) && state_.progress.status == TrainingStatus::running)
-        state_.progress.status = TrainingStatus::stopped;
+      if (callback && !callback(report) && status == TrainingStatus::running)
+        status = TrainingStatus::stopped;
     }
-    return state_.progress.status;
+    return status;
   }
 
  private:
-  static Eigen::Index checked(const TrainingOptions& o, const Samples<Scalar>& train) {
-    const auto expect = [](bool fits, const char* what, const char* expected, double found) {
-      if (!fits) detail::refuse(detail::text("TrainingOptions::", what), expected, found);
-    };
-    expect(o.epochs >= 0, "epochs", "at least 0", o.epochs);
-    expect(o.batch_size >= 1, "batch_size", "at least 1", o.batch_size);
-    expect(o.schedule.initial > 0 && std::isfinite(o.schedule.initial), "schedule.initial", "above 0",
-           o.schedule.initial);
-    expect(o.l2 >= 0, "l2", "at least 0", o.l2);
-    expect(o.dropout >= 0 && o.dropout < 1, "dropout", "in [0, 1)", o.dropout);
-    expect(o.patience >= 0, "patience", "at least 0", o.patience);
-    if (train.count() == 0) detail::refuse("Trainer: training samples", "at least one", 0);
-    return std::min<Eigen::Index>(o.batch_size, train.count());
+  static constexpr std::size_t moments_size = Optimizer::moment_count * Net::block_size;
+
+  static const TrainingOptions& checked(const TrainingOptions& options, const O& objective) {
+    options.check();
+    if (objective.count() < 1) detail::refuse("Trainer: training samples", "at least one", objective.count());
+    return options;
+  }
+  static const Optimizer& checked(const Optimizer& optimizer) {
+    if constexpr (requires { optimizer.check(); }) optimizer.check();
+    return optimizer;
+  }
+  std::size_t batch_size() const { return static_cast<std::size_t>(options_.batch_size); }
+  std::ptrdiff_t batch() const { return std::min<std::ptrdiff_t>(options_.batch_size, std::ssize(items_)); }
+  int asked_threads() const { return options_.threads > 0 ? options_.threads : default_threads(); }
+
+  /// After a state was taken.
+  void go_on() {
+    make_room();
+    stagnation_ = {};
+    for (const EpochLosses& epoch : state_.history) stagnation_.add(epoch.monitored(), options_.min_delta);
+    state_.progress.status = standing();
+  }
+  /// So that an epoch allocates nothing.
+  void make_room() { state_.history.reserve(static_cast<std::size_t>(std::min(options_.epochs, 10'000))); }
+
+  /// The status that options and history give a run that nobody stopped.
+  TrainingStatus standing() const {
+    if (state_.progress.epoch >= static_cast<std::uint64_t>(options_.epochs)) return TrainingStatus::finished;
+    if (options_.patience > 0 && stagnation_.epochs >= options_.patience)
+      return TrainingStatus::early_stopped;
+    return TrainingStatus::running;
   }
 
-  /// Fisher-Yates shuffle (Durstenfeld 1964) of all samples, a function of seed and epoch.
+  /// Fisher-Yates shuffle (Durstenfeld 1964) of all items, a function of seed and epoch.
   void shuffle() {
-    std::iota(order_.begin(), order_.end(), 0u);
+    std::iota(items_.begin(), items_.end(), 0u);
     Random random(options_.seed, std::uint64_t{1} << 32 | state_.progress.epoch);
-    for (std::size_t i = order_.size(); i > 1; --i)
-      std::swap(order_[i - 1], order_[random.below(static_cast<std::uint32_t>(i))]);
+    for (std::size_t i = items_.size(); i > 1; --i)
+      std::swap(items_[i - 1], items_[random.below(static_cast<std::uint32_t>(i))]);
+  }
+
+  /// The learning rate of the epoch's step number i.
+  double rate(std::size_t i) const {
+    const TrainingProgress& progress = state_.progress;
+    return rate_(
+        TrainingTime{static_cast<int>(progress.epoch), options_.epochs, epoch_start_ + i, state_.history});
+  }
+  /// Refuses, before an epoch, rates that are none; the last one.
+  double checked_rates() const {
+    double last = 0;
+    for (std::size_t i = 0; i < (items_.size() + batch_size() - 1) / batch_size(); ++i) {
+      last = rate(i);
+      if (!(last >= 0 && std::isfinite(last)))
+        detail::refuse(detail::text("learning rate of step ", epoch_start_ + i),
+                       "a finite number, at least 0", last);
+    }
+    return last;
+  }
+
+  EpochLosses pass() {
+    epoch_start_ = state_.progress.step;
+    EpochLosses losses;
+    losses.learning_rate = checked_rates();
+    state_.progress.status = TrainingStatus::diverged;  // where something throws
+    losses.train_loss = descend();
+    losses.validation_loss =
+        evaluation_ ? evaluation_->mean(current(), *validation_) : std::numeric_limits<double>::quiet_NaN();
+    return losses;
   }
 
   /// All batches once; the mean of their losses. Stops before an update that comes from a loss that is not
   /// finite. One team for the whole epoch: a step is too short to start threads in.
-  double descend(double rate) {
+  double descend() {
     shuffle();
-    const auto batch = static_cast<std::size_t>(options_.batch_size);
-    const std::uint64_t steps_before = state_.progress.step;
+    const std::size_t batch = batch_size();
     double mean = 0;
-    parallel_team(useful_threads(), [&](const Team& team) {
+    parallel_team(gradients_.useful_threads(asked_threads(), this->batch()), [&](const Team& team) {
       const detail::FlushDenormals flush;
-      std::uint64_t step = steps_before;
+      std::uint64_t step = epoch_start_;
       double sum = 0;
-      for (std::size_t first = 0; first < order_.size(); first += batch) {
-        const auto order = std::span(order_).subspan(first, std::min(order_.size() - first, batch));
-        const double loss = gradients_.run(state_.network, train_, loss_, order,
-                                           {options_.dropout, options_.seed, step}, team);
-        sum += loss * static_cast<double>(order.size());
+      for (std::size_t first = 0; first < items_.size(); first += batch) {
+        const auto items = Items(items_).subspan(first, std::min(items_.size() - first, batch));
+        const double loss =
+            gradients_.run(state_.network, objective_, items, {options_.dropout, options_.seed, step}, team);
+        sum += loss * static_cast<double>(items.size());
         if (!std::isfinite(loss)) break;
-        update(team, rate, ++step);
+        update(team, rate(first / batch), ++step);
       }
       if (team.index() > 0) return;
       state_.progress.step = step;
-      mean = sum / static_cast<double>(order_.size());
+      mean = sum / static_cast<double>(items_.size());
     });
     return mean;
-  }
-
-  /// As many threads as are asked for, but no more than have something to do in a step: at least 8 samples
-  /// each, for which they read all weights, and some 20 microseconds, beside which waiting counts little.
-  int useful_threads() const {
-    constexpr std::size_t products = 1 << 18;
-    const auto batch = std::min(order_.size(), static_cast<std::size_t>(options_.batch_size));
-    const std::size_t most = std::min((batch + 7) / 8, batch * Net::parameter_count / products);
-    const auto asked = static_cast<std::size_t>(options_.threads > 0 ? options_.threads : default_threads());
-    return static_cast<int>(std::clamp(asked, std::size_t{1}, std::max(most, std::size_t{1})));
   }
 
   void update(const Team& team, double rate, std::uint64_t step) {
@@ -217,7 +261,7 @@ class Trainer {
     const auto l2 = static_cast<Scalar>(2 * options_.l2);
     Scalar* parameters = state_.network.parameters().data();
     Scalar* moments = state_.moments.data();
-    gradients_.parameter_gradient(team, [=](std::size_t at, detail::Simd<Scalar> g, bool is_weight) {
+    const auto step_register = [=](std::size_t at, detail::Simd<Scalar> g, bool is_weight) {
       // What is updated next is on its way from memory while its gradient is summed.
       constexpr std::size_t next = detail::gradient_rows<Scalar> * detail::lanes<Scalar>;
       __builtin_prefetch(parameters + at + next, 1);
@@ -231,36 +275,83 @@ class Trainer {
       detail::store(parameters + at, rule(w, g, m, is_weight));
       for (std::size_t i = 0; i < Optimizer::moment_count; ++i)
         detail::store(moments + i * Net::block_size + at, m[i]);
+    };
+    if constexpr (detail::ClipsGradients<Optimizer>)
+      if (gradient_) return clipped_update(team, step_register);
+    gradients_.parameter_gradient(team, step_register);
+  }
+
+  /// The whole gradient first, then its norm, then the step.
+  template <class Step>
+  void clipped_update(const Team& team, const Step& step_register) {
+    Scalar* whole = gradient_->sum.numbers().data();
+    gradients_.parameter_gradient(
+        team, [whole](std::size_t at, const auto& g, bool) { detail::store(whole + at, g); });
+    detail::each_slice<Net>(team, [&](std::ptrdiff_t slice, std::size_t begin, std::size_t end, bool) {
+      double& squares = gradient_->squares[static_cast<std::size_t>(slice)];
+      if (begin == static_cast<std::size_t>(slice) * detail::slice) squares = 0;
+      for (std::size_t i = begin; i < end; ++i)
+        squares += static_cast<double>(whole[i]) * static_cast<double>(whole[i]);
+    });
+    double squared = 0;
+    for (const double squares : gradient_->squares) squared += squares;
+    const auto factor = static_cast<Scalar>(optimizer_.factor(std::sqrt(squared)));
+    detail::each_slice<Net>(team, [&](std::ptrdiff_t, std::size_t begin, std::size_t end, bool is_weight) {
+      for (std::size_t at = begin; at < end; at += static_cast<std::size_t>(detail::simd_width<Scalar>))
+        step_register(at, detail::Simd<Scalar>(factor * detail::load(whole + at)), is_weight);
     });
   }
 
-  void judge(double loss) {
+  /// The weights that are validated: the newest, or their moving average.
+  const Net& current() {
+    if constexpr (detail::AveragesWeights<Optimizer>) {
+      if (!average_) average_.emplace();
+      const Scalar* sum = state_.moments.data() + Optimizer::average_moment * Net::block_size;
+      const auto scale = static_cast<Scalar>(optimizer_.average_scale(state_.progress.step));
+      for (std::size_t i = 0; i < Net::block_size; ++i) average_->parameters()[i] = scale * sum[i];
+      return *average_;
+    } else {
+      return state_.network;
+    }
+  }
+
+  void judge(const EpochLosses& losses) {
     TrainingProgress& progress = state_.progress;
-    if (!std::isfinite(loss)) {
+    const double loss = losses.monitored();
+    if (!std::isfinite(losses.train_loss) || !std::isfinite(loss)) {
       progress.status = TrainingStatus::diverged;
       return;
     }
     ++progress.epoch;
+    state_.history.push_back(losses);
+    stagnation_.add(loss, options_.min_delta);
     if (loss < progress.best_loss) {
       progress.best_loss = loss;
       progress.best_epoch = progress.epoch;
-      std::copy_n(state_.network.parameters().data(), Net::block_size, state_.best.parameters().data());
+      std::ranges::copy(current().parameters(), state_.best.parameters().data());
     }
-    if (progress.epoch >= static_cast<std::uint64_t>(options_.epochs))
-      progress.status = TrainingStatus::finished;
-    else if (options_.patience > 0 &&
-             progress.epoch - progress.best_epoch >= static_cast<std::uint64_t>(options_.patience))
-      progress.status = TrainingStatus::early_stopped;
+    progress.status = standing();
   }
+
+  struct WholeGradient {
+    ParameterGradient<Net> sum;
+    std::vector<double> squares = std::vector<double>(static_cast<std::size_t>(detail::slice_count<Net>));
+  };
 
   TrainingOptions options_;
   Optimizer optimizer_;
-  Loss<Scalar> loss_;
-  Samples<Scalar> train_, validation_;
+  LearningRate rate_;
+  std::string rate_text_;
+  O objective_;
+  std::optional<O> validation_;
   TrainingState<Net> state_;
-  Backpropagation<Net> gradients_;
-  Evaluation<Net> evaluation_;
-  std::vector<std::uint32_t> order_;
+  Stagnation stagnation_;
+  std::vector<std::uint32_t> items_;
+  std::uint64_t epoch_start_ = 0;  ///< steps done before this epoch
+  detail::GradientSource<Net, O> gradients_;
+  std::optional<Evaluation<Net, O>> evaluation_;
+  std::optional<WholeGradient> gradient_;  ///< where the optimiser clips
+  std::optional<Net> average_;             ///< where it averages
 };
 
 }  // namespace rbres
