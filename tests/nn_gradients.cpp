@@ -34,7 +34,7 @@ void check_gradients() {
   const auto draw = [&] { return random.normal(); };
   for (const ParameterTensor& tensor : Net::tensors())
     if (tensor.is_bias)
-      for (int r = 0; r < tensor.rows; ++r) net.parameters()[tensor.index(r)] = draw();
+      for (int r = 0; r < tensor.rows; ++r) net.parameters()[tensor.index(r)] += draw();
   Matrix x = Matrix::NullaryExpr(Net::input_size, count, draw);
   const Matrix targets = Matrix::NullaryExpr(Net::output_size, count, draw);
   const Matrix weights = Matrix::NullaryExpr(Net::output_size, count, draw).cwiseAbs();
@@ -89,6 +89,13 @@ TEST_CASE("gradients of each layer and of whole networks agree with central diff
   check_gradients<
       Sequential<Linear<4, 9>, Residual<Residual<Linear<9, 9>>, Tanh, Linear<9, 9>>, Linear<9, 2>>>();
   check_gradients<Sequential<Linear<4, 9>, Residual<Residual<Tanh>>, Linear<9, 2>>>();
+  check_gradients<Sequential<Linear<4, 9>, LayerNorm<9>, Linear<9, 2>>>();
+  check_gradients<Sequential<LayerNorm<4>, Tanh, Linear<4, 19>, Silu, LayerNorm<19>>>();
+  check_gradients<
+      Sequential<Linear<4, 9>, Residual<LayerNorm<9>, Linear<9, 9>, Tanh, LayerNorm<9>>, Linear<9, 2>>>();
+  check_gradients<Sequential<Linear<4, 9>, FixedDropout<40>, Tanh, Dropout, Linear<9, 2>>>();
+  check_gradients<Sequential<Sequential<Linear<4, 9>, Sequential<Tanh, Linear<9, 9>>>,
+                             Residual<Sequential<Linear<9, 9>, Silu>>, Sequential<Linear<9, 2>>>>();
   check_gradients<ResidualNetwork<double, 7, 20, 2, 3>::Architecture>();
   check_gradients<FeedForwardNetwork<double, 7, 20, 2, 3>::Architecture>();
 }
@@ -97,7 +104,10 @@ TEST_CASE_TEMPLATE(
     "forward passes agree, and derivatives by the input with automatic differentiation", Net,
     ResidualNetwork<double, 19, 24, 2, 13>, FeedForwardNetwork<double, 19, 24, 2, 13>,
     Network<double, Sequential<Residual<Linear<5, 5>, Silu>, Tanh, Linear<5, 33>>>,
-    Network<double, Sequential<Linear<5, 9>, Residual<Residual<Linear<9, 9>>, Silu>, Dropout>>) {
+    Network<double, Sequential<Linear<5, 9>, Residual<Residual<Linear<9, 9>>, Silu>, Dropout>>,
+    Network<double,
+            Sequential<Linear<5, 9>, LayerNorm<9>, Tanh, Residual<Sequential<Linear<9, 9>, LayerNorm<9>>>,
+                       FixedDropout<50>, Linear<9, 3>>>) {
   using Dual = Eigen::AutoDiffScalar<Vector>;
   const Net net(1);
   typename Net::Workspace workspace;
@@ -123,4 +133,45 @@ TEST_CASE_TEMPLATE(
   }
   CHECK((net.jvp(x, v, workspace) - jacobian * v).norm() < 1e-12 * jacobian.norm());
   CHECK((net.vjp(x, w, workspace) - jacobian.transpose() * w).norm() < 1e-12 * jacobian.norm());
+}
+
+TEST_CASE("a layer norm gives mean 0 and variance 1, whatever the scale, and starts so") {
+  using Net = Network<float, Sequential<LayerNorm<21>>>;
+  const Net net(1);
+  Random random(7);
+  for (const double scale : {1.0, 100.0}) {
+    const Net::Input x =
+        Net::Input::NullaryExpr([&] { return static_cast<float>(scale * random.normal() + 3); });
+    const Eigen::VectorXd y = net.forward(x).cast<double>();
+    CHECK(std::abs(y.mean()) < 1e-6);
+    CHECK((y.array() - y.mean()).square().mean() == doctest::Approx(1).epsilon(1e-4));
+  }
+}
+
+TEST_CASE("a Dropout with a rate of its own has that, in training alone") {
+  using Fixed = Network<double, Sequential<Linear<1, 4000>, FixedDropout<30>>>;
+  using Shared = Network<double, Sequential<Linear<1, 4000>, Dropout>>;
+  const auto share = [](const auto& net, const DropoutMask& mask) {
+    using Net = std::decay_t<decltype(net)>;
+    Tape<Net> tape(2);
+    Matrix x = Matrix::Ones(1, 2), y(4000, 2);
+    tape.record(net, x, y, mask);
+    CHECK((mask.rate < 0 || y.col(0) != y.col(1)));
+    return (y.col(0).array() == 0).cast<double>().mean();
+  };
+  CHECK(share(Fixed(1), {0.8, 1, 2}) == doctest::Approx(0.3).epsilon(0.08));
+  CHECK(share(Fixed(1), {0, 1, 2}) == doctest::Approx(0.3).epsilon(0.08));
+  CHECK(share(Fixed(1), {}) == 0);
+  CHECK(share(Shared(1), {0.8, 1, 2}) == doctest::Approx(0.8).epsilon(0.08));
+}
+
+TEST_CASE("names are those of nested nn.Sequential") {
+  using Net = Network<float, Sequential<Sequential<Linear<4, 9>, Sequential<Tanh, Linear<9, 9>>>,
+                                        LayerNorm<9>, Residual<Sequential<LayerNorm<9>, Linear<9, 9>>>>>;
+  std::vector<std::string> names;
+  for (const ParameterTensor& tensor : Net::tensors())
+    if (names.empty() || !tensor.name.ends_with("bias")) names.push_back(tensor.name);
+  CHECK(names ==
+        std::vector<std::string>{"0.0.weight", "0.1.1.weight", "1.weight", "2.0.0.weight", "2.0.1.weight"});
+  CHECK(Net::parameter_count == 9 * 5 + 9 * 10 + 18 + 18 + 9 * 10);
 }

@@ -35,6 +35,14 @@ template <>
 struct LayerName<Dropout> {
   static std::string text(LayerText) { return "rbres::Dropout"; }
 };
+template <int Percent>
+struct LayerName<FixedDropout<Percent>> {
+  static std::string text(LayerText) { return detail::text("rbres::FixedDropout<", Percent, ">"); }
+};
+template <int Size>
+struct LayerName<LayerNorm<Size>> {
+  static std::string text(LayerText) { return detail::text("rbres::LayerNorm<", Size, ">"); }
+};
 template <int In, int Out>
 struct LayerName<Linear<In, Out>> {
   static std::string text(LayerText) { return detail::text("rbres::Linear<", In, ", ", Out, ">"); }

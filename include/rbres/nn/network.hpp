@@ -65,7 +65,8 @@ auto plain_forward(const T* parameters, const Eigen::MatrixBase<Derived>& x) {
     }
     if constexpr (stage.has_norm) {
       const T* weights = parameters + Passes::offset(s);
-      const S mean = out.mean();
+      S mean(0);
+      for (const S& number : out) mean += S(number / T(stage.outputs));
       S variance(0);
       for (const S& number : out) variance += S((number - mean) * (number - mean)) / T(stage.outputs);
       using std::sqrt;
