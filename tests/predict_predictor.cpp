@@ -191,6 +191,13 @@ TEST_CASE("samples are encoded, normalised, and without weight where a body is a
   CHECK_THROWS_AS((TrainingSet<Small>(p, data, 2, 4, 12)), Error);
   CHECK_THROWS_AS((TrainingSet<Small>(p, data, 0, 12, 12)), Error);
   CHECK_THROWS_AS((TrainingSet<Small>(p, data, 0, 4, 13)), Error);
+  for (const double bad : {std::nan(""), 1e30}) {
+    ScenarioData broken = data;
+    broken.states[0](3, 1) = bad;  // of a scenario that only tests
+    CHECK_THROWS_WITH_AS((TrainingSet<Small>(p, broken, 0, 4, 12)),
+                         doctest::Contains("scenario 1: state: number 3: expected a finite one"), Error);
+    TrainingSet<Small>(p, broken, 1, 4, 12);
+  }
 }
 
 TEST_CASE("the contact-free flow ends for any horizon") {

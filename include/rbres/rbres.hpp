@@ -18,6 +18,7 @@
 #include <rbres/eval/timing.hpp>
 #include <rbres/eval/training_set.hpp>
 #include <rbres/nn/nn.hpp>
+#include <rbres/predict/decoded_loss.hpp>
 #include <rbres/predict/predictor.hpp>
 #include <rbres/sim/batch.hpp>
 #include <rbres/sim/dataset.hpp>

@@ -91,13 +91,14 @@ FreeFlow<ScenarioData::bodies> free_flow() {
   return flow;
 }
 
-/// Predictions for scenarios first ... first + count - 1 of the data (65 x count), over all threads.
+/// Predictions for scenarios first ... first + count - 1 of the data (65 x count), over `threads` threads (0:
+/// default_threads()).
 template <class Data, class Predict>
-Eigen::MatrixXd predict_all(const Data& data, Eigen::Index first, Eigen::Index count,
-                            const Predict& predict) {
+Eigen::MatrixXd predict_all(const Data& data, Eigen::Index first, Eigen::Index count, const Predict& predict,
+                            int threads = 0) {
   Eigen::MatrixXd out(65, count);
   constexpr Eigen::Index block = 32;
-  parallel_for((count + block - 1) / block, 0, [&](std::ptrdiff_t b) {
+  parallel_for((count + block - 1) / block, threads, [&](std::ptrdiff_t b) {
     for (Eigen::Index c = b * block; c < std::min(count, (b + 1) * block); ++c) {
       const int present = data.body_count[static_cast<std::size_t>(first + c)];
       out.col(c) =
