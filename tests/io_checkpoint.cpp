@@ -4,6 +4,7 @@
 #include <csignal>
 #include <cstring>
 #include <limits>
+#include <utility>
 
 #include "io_checkpoint_run.hpp"
 #include "io_file_size_limit.hpp"
@@ -163,6 +164,51 @@ TEST_CASE("a checkpoint of another run is refused with both") {
   Trainer other(Other(5), {{run.inputs.data(), 4, 40}, {run.targets.data(), 4, 40}},
                 {{nullptr, 4, 0}, {nullptr, 4, 0}});
   CHECK(contains(error_of([&] { load_checkpoint(path, other); }), "metadata 'architecture'"));
+}
+
+TEST_CASE("a checkpoint of another optimiser, of other settings or of other samples is refused") {
+  const TemporaryFolder folder;
+  const auto path = folder / "checkpoint";
+  SmallRun run;
+  auto trainer = run.trainer();
+  trainer.run_epoch();
+  save_checkpoint(path, trainer);
+  const auto check_refused = [&](auto other) {
+    const auto before = other.network();
+    CHECK(contains(error_of([&] { load_checkpoint(path, other); }), path.string() + ": metadata 'options'"));
+    CHECK(same_bits(other.network(), before));
+  };
+  check_refused(run.trainer(AdamW{}));  // of as many moments
+  check_refused(run.trainer(Sgd{}));
+  check_refused(run.trainer(Adam{.beta1 = 0.8}));
+  run.options.l2 += 1e-18;
+  check_refused(run.trainer());
+  run.options = SmallRun{}.options;
+  for (float* number : {&run.inputs(0, 0), &run.targets(3, 31), &run.inputs(1, 32), &run.targets(2, 39)}) {
+    const float right = std::exchange(*number, 0.25f);
+    check_refused(run.trainer());
+    *number = right;
+  }
+  auto same = run.trainer();
+  CHECK(error_of([&] { load_checkpoint(path, same); }) == "");
+  CHECK(same_bits(same.network(), trainer.network()));
+}
+
+TEST_CASE("losses that are NaN, as where nothing validates, come back with the others") {
+  const TemporaryFolder folder;
+  const auto path = folder / "checkpoint";
+  const SmallRun run;
+  const Samples<float> all{columns(run.inputs), columns(run.targets)}, none;
+  const auto fresh = [&] { return Trainer(SmallRun::Net(5), all, none, run.options); };
+  auto trainer = fresh(), other = fresh();
+  trainer.run_epoch();
+  trainer.run_epoch();
+  save_checkpoint(path, trainer);
+  load_checkpoint(path, other);
+  REQUIRE(other.state().history.size() == 2);
+  CHECK(std::isnan(other.state().history[1].validation_loss));
+  CHECK(std::memcmp(other.state().history.data(), trainer.state().history.data(), 2 * sizeof(EpochLosses)) ==
+        0);
 }
 
 TEST_CASE("a diverged run leaves the checkpoint of its last good epoch") {

@@ -15,7 +15,10 @@ struct SmallRun {
   rbres::TrainingOptions options{
       .epochs = 6, .batch_size = 16, .schedule = {.initial = 1e-2}, .seed = 3, .threads = 1};
 
-  auto trainer() const { return rbres::Trainer(Net(5), samples(0, 32), samples(32, 8), options); }
+  template <class Optimizer = rbres::Adam>
+  auto trainer(const Optimizer& optimizer = {}) const {
+    return rbres::Trainer(Net(5), samples(0, 32), samples(32, 8), options, optimizer);
+  }
 
  private:
   rbres::Samples<float> samples(Eigen::Index first, Eigen::Index count) const {

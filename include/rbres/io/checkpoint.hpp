@@ -5,8 +5,10 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <filesystem>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -29,6 +31,9 @@ Metadata checkpoint_metadata(const Trainer<Net, Optimizer, Objective>& trainer, 
       refuse("metadata of a checkpoint", "keys that leave its own alone", "'" + key + "'");
   return all;
 }
+
+inline constexpr Eigen::Index losses_of_epoch = sizeof(EpochLosses) / sizeof(double);
+static_assert(std::is_trivially_copyable_v<EpochLosses>);
 
 /// The blocks of a state, which is const or not, and what precedes the names of their tensors.
 template <class Net, class State>
@@ -65,9 +70,12 @@ void save_checkpoint(const std::filesystem::path& path, const Trainer<Net, Optim
                                              std::bit_cast<std::uint64_t>(progress.best_loss),
                                              static_cast<std::uint64_t>(progress.status)};
   file.add("progress", {static_cast<Eigen::Index>(numbers.size())}, numbers.data());
-  static_assert(sizeof(EpochLosses) == 3 * sizeof(double));
-  if (!state.history.empty())
-    file.add("history", {std::ssize(state.history), 3}, &state.history[0].train_loss);
+  // So are those of the losses, which are NaN where nothing validates.
+  const auto epochs = std::ssize(state.history);
+  if (epochs > 0)
+    file.add<std::uint64_t>("history", {epochs, detail::losses_of_epoch}, [&](std::uint64_t* to) {
+      std::memcpy(to, state.history.data(), state.history.size() * sizeof(EpochLosses));
+    });
   file.write_with_digest(path);
 }
 
@@ -89,13 +97,16 @@ void load_checkpoint(const std::filesystem::path& path, Trainer<Net, Optimizer, 
   if (!is_known || progress.best_epoch > progress.epoch || std::isnan(progress.best_loss) ||
       progress.epoch > static_cast<std::uint64_t>(trainer.options().epochs))
     detail::refuse(path.string(), "the progress of a run", "numbers that make no sense");
-  if (progress.status == TrainingStatus::stopped) progress.status = TrainingStatus::running;
 
   // All tensors are read and checked before the first is taken, as there is no room for two states.
   for (const auto& entry : detail::state_blocks<Net>(trainer.state()))
     detail::each_parameter<Net>(file, entry.first, [](auto...) {});
+  std::vector<std::uint64_t> bits(detail::losses_of_epoch * progress.epoch);
   std::vector<EpochLosses> history(progress.epoch);
-  if (!history.empty()) file.read("history", {std::ssize(history), 3}, &history[0].train_loss);
+  if (!bits.empty()) {
+    file.read("history", {std::ssize(history), detail::losses_of_epoch}, bits.data());
+    std::memcpy(static_cast<void*>(history.data()), bits.data(), bits.size() * sizeof(std::uint64_t));
+  }
   trainer.restore(progress, std::move(history), [&](auto network, auto best, auto moments) {
     detail::read_parameters<Net>(file, "network.", network.data());
     detail::read_parameters<Net>(file, "best.", best.data());
