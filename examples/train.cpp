@@ -3,6 +3,8 @@
 #include <unistd.h>
 
 #include <charconv>
+#include <fstream>
+#include <limits>
 #include <map>
 #include <optional>
 
@@ -17,6 +19,35 @@ using paper::Architecture, paper::Json, paper::PredictorOf;
 /// The horizons of a data set on disk, s.
 const std::vector<double> horizons{0.02, 0.1, 0.5, 1, 2, 5};
 
+enum class Method { adam, adamw, sgd };
+
+/// The optimiser that the command line asks for. One type, so that the trainer is compiled once; Adam is
+/// AdamW without decay.
+struct ChosenOptimizer {
+  Method method = Method::adam;
+  AdamW adam{};
+  Sgd sgd{};
+  static constexpr int moment_count = 2;
+
+  void check() const { adam.check(), sgd.check(); }
+  std::string text() const { return method == Method::sgd ? sgd.text() : adam.text(); }
+
+  template <class T>
+  struct Rule {
+    bool is_sgd;
+    Adam::Rule<T> adam;
+    Sgd::Rule<T> sgd;
+    template <class V>
+    [[gnu::always_inline]] V operator()(const V& w, const V& g, V* moments, bool is_weight) const noexcept {
+      return is_sgd ? sgd(w, g, moments, is_weight) : adam(w, g, moments, is_weight);
+    }
+  };
+  template <class T>
+  Rule<T> rule(double rate, std::uint64_t step) const noexcept {
+    return {method == Method::sgd, adam.rule<T>(rate, step), sgd.rule<T>(rate, step)};
+  }
+};
+
 struct Options {
   World world = World::free_space;
   BodySet set = BodySet::standard;
@@ -25,7 +56,10 @@ struct Options {
   Architecture architecture = Architecture::residual10;
   int scenarios = 100'000;
   TrainingOptions training{.seed = 1};
-  std::string data, checkpoint, out = "model.safetensors", json;
+  Method method = Method::adam;
+  double weight_decay = 0.01, momentum = 0.9, clip = 0;
+  int warm_up = 0;
+  std::string data, start, checkpoint, out = "model.safetensors", json, log;
   bool resume = false;
 };
 
@@ -62,6 +96,7 @@ Outputs open_files(const Options& o) {
   if (o.out.empty()) throw Error("--out: expected the name of a file, found none");
   check("--out", o.out, false);
   check("--json", o.json, false);
+  check("--log", o.log, o.resume);
   Outputs files{AtomicFile(o.out), {}};
   if (!o.json.empty()) files.table.emplace(o.json).reserve(1 << 16);
   return files;
@@ -107,6 +142,31 @@ ScenarioData data_of(const Options& o) {
   return data;
 }
 
+/// The losses of a run, epoch by epoch, as a table that plotting tools read. Each line is on its way to the
+/// disk when the next epoch begins.
+class LossLog {
+ public:
+  explicit LossLog(const std::string& path) : path_(path) {
+    if (path.empty()) return;
+    file_.open(path, std::ios::trunc);
+    line("epoch,train_loss,validation_loss,learning_rate");
+  }
+  void add(const EpochLosses& losses) {
+    if (path_.empty()) return;
+    line(detail::text(++epoch_, ",", losses.train_loss, ",", losses.validation_loss, ",",
+                      losses.learning_rate));
+  }
+
+ private:
+  void line(const std::string& text) {
+    if (!(file_ << text << std::endl)) throw Error(path_ + ": cannot write");
+  }
+
+  std::string path_;
+  std::ofstream file_;
+  int epoch_ = 0;
+};
+
 void print_row(const char* method, const Metrics& m) {
   std::printf("  %-18s %12.4g %12.4g %12.4g %12.4g %10.3f %8.3f\n", method, m.position, m.orientation,
               m.velocity, m.angular_velocity, m.angle, 100 * m.energy);
@@ -118,9 +178,21 @@ void train(const Options& o, const ScenarioData& data, Outputs& files) {
   const Eigen::Index n = data.count(), tenth = n / 10;
   using Network = typename paper::NetworkOf<A>::type;
   PredictorOf<A> predictor{Network(o.training.seed), {}, {}, free_flow<Set>(), o.target};
-  const TrainingSet<PredictorOf<A>> set(predictor, data, 0, 2 * tenth, n);
+  if (!o.start.empty()) {
+    predictor = load<PredictorOf<A>>(o.start);
+    if (predictor.target != o.target)
+      detail::refuse("--start: " + o.start, "a model of the --target that is asked for", "the other");
+  }
+  const TrainingSet<PredictorOf<A>> set(predictor, data, 0, 2 * tenth, n, o.training.threads,
+                                        o.start.empty() ? Normalization::fit : Normalization::keep);
+  Clipped<ChosenOptimizer> optimizer;
+  optimizer.method = o.method;
+  optimizer.adam.weight_decay = o.method == Method::adamw ? o.weight_decay : 0;
+  optimizer.sgd.momentum = o.momentum;
+  optimizer.largest_norm = o.clip > 0 ? o.clip : std::numeric_limits<double>::infinity();
   Trainer trainer(predictor.network, set.samples(2 * tenth, n - 2 * tenth), set.samples(tenth, tenth),
-                  o.training);
+                  o.training, optimizer);
+  if (o.warm_up > 0) trainer.set_schedule(WarmUp{o.training.schedule, static_cast<std::uint64_t>(o.warm_up)});
   Metadata made_from = metadata(o);
   made_from["data"] = Json{{"scenarios", n},
                            {"horizon", o.horizon},
@@ -133,8 +205,12 @@ void train(const Options& o, const ScenarioData& data, Outputs& files) {
               paper::name(A).c_str(), paper::name(o.target).c_str(), o.horizon,
               static_cast<long>(n - 2 * tenth), static_cast<long>(tenth), static_cast<long>(tenth));
   if (o.resume) std::printf("  resumed after epoch %d\n", static_cast<int>(trainer.state().progress.epoch));
+  LossLog log(o.log);
+  for (const EpochLosses& epoch : trainer.state().history) log.add(epoch);
   const TrainingStatus status = trainer.train([&](const EpochReport& r) {
     print_progress(r);
+    if (trainer.state().history.size() == r.epoch && r.status != TrainingStatus::diverged)
+      log.add(trainer.state().history.back());
     if (!o.checkpoint.empty()) save_checkpoint(o.checkpoint, trainer, made_from);
     return true;
   });
@@ -151,7 +227,8 @@ void train(const Options& o, const ScenarioData& data, Outputs& files) {
 
   const auto body = scenario_body<Set>();
   const auto error = [&](const auto& predict) {
-    return measure(data, 0, 0, predict_all(data, 0, tenth, predict), body.inertia(), body.mass());
+    return measure(data, 0, 0, predict_all(data, 0, tenth, predict, o.training.threads), body.inertia(),
+                   body.mass());
   };
   const Metrics model = error([&](const auto& state, const auto& wrench, int present) {
     return predictor.predict(state, wrench, present);
@@ -249,22 +326,38 @@ int main(int argc, char** argv) {
   number(app, "--epochs", t.epochs, 1, 1'000'000, "at most");
   number(app, "--batch-size", t.batch_size, 1, 1'000'000, "scenarios per step");
   number(app, "--learning-rate", t.schedule.initial, 1e-30, 1e30, "of epoch 0");
+  choice<Schedule::Kind>(app, "--schedule", t.schedule.kind,
+                         {{"power", Schedule::Kind::power},
+                          {"cosine", Schedule::Kind::cosine},
+                          {"constant", Schedule::Kind::constant}},
+                         "how the learning rate falls");
+  number(app, "--warm-up", o.warm_up, 0, 1'000'000'000, "steps over which the learning rate rises to it");
   number(app, "--gamma", t.schedule.gamma, 0.0, 1e3, "the learning rate falls as (1 + gamma epoch)^-power");
   number(app, "--power", t.schedule.power, 0.0, 1e3, "see --gamma");
+  choice<Method>(app, "--optimizer", o.method,
+                 {{"adam", Method::adam}, {"adamw", Method::adamw}, {"sgd", Method::sgd}}, "which one");
+  number(app, "--weight-decay", o.weight_decay, 0.0, 1e3, "of adamw, which one uses with --l2 0");
+  number(app, "--momentum", o.momentum, 0.0, 0.9999, "of sgd");
+  number(app, "--clip", o.clip, 0.0, 1e30, "largest norm of a step's gradient; 0: any");
   number(app, "--l2", t.l2, 0.0, 1e3, "factor of the squared weights in the loss");
   number(app, "--dropout", t.dropout, 0.0, 0.999, "rate");
   number(app, "--patience", t.patience, 0, 1'000'000,
          "epochs without a better validation loss before it stops; 0: never");
+  number(app, "--min-delta", t.min_delta, 0.0, 1e30, "for --patience a loss is better only if lower by more");
   number(app, "--seed", t.seed, std::uint64_t{0}, std::uint64_t{1} << 63,
          "of the first weights, the shuffling and the dropout");
   number(app, "--threads", t.threads, 0, 4096, "changes no bit; 0: all");
   app.add_option(
       "--data", o.data,
       "folder with the scenarios as .npy; made where there is none, which may be stopped and goes on");
+  app.add_option("--start", o.start,
+                 "model to go on from, whose weights and normalisation the run starts with");
   app.add_option("--checkpoint", o.checkpoint, "file to save the run to after each epoch");
-  app.add_flag("--resume", o.resume, "go on from the checkpoint, to the same bits");
+  app.add_flag("--resume", o.resume,
+               "go on from the checkpoint, to the same bits; more --epochs than it had extend its run");
   app.add_option("--out", o.out, "file of the model; rbres_rollout takes it")->capture_default_str();
   app.add_option("--json", o.json, "file for the table's figures");
+  app.add_option("--log", o.log, "file for the losses of each epoch, as CSV");
   return run_program("rbres_train", app, argc, argv, [&] {
     Outputs files = open_files(o);
     o.set == BodySet::standard ? run<BodySet::standard>(o, files) : run<BodySet::box>(o, files);

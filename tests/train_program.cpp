@@ -183,6 +183,38 @@ TEST_CASE("a disk without room for the model is found before training") {
   CHECK(!contains(read_bytes(folder / ".out"), "epoch"));
 }
 
+TEST_CASE("optimisers, schedules, a log; a run is extended, and a model is trained further") {
+  const TemporaryFolder folder;
+  const std::string tuned =
+      "--optimizer adamw --weight-decay 0.02 --l2 0 --clip 0.5 --warm-up 4 --min-delta 1e-3 --schedule "
+      "constant ";
+  const std::string log = "--log log.csv --checkpoint run ";
+  REQUIRE(train(folder, tuned + "--epochs 5 --out whole").status == 0);
+  REQUIRE(train(folder, tuned + log + "--epochs 3 --out part").status == 0);
+  REQUIRE(train(folder, tuned + log + "--epochs 5 --resume --out extended").status == 0);
+  CHECK(read_bytes(folder / "extended") == read_bytes(folder / "whole"));
+  CHECK(read_bytes(folder / "part") != read_bytes(folder / "whole"));
+  const std::string text = read_bytes(folder / "log.csv");
+  CHECK(text.starts_with("epoch,train_loss,validation_loss,learning_rate\n1,"));
+  CHECK(std::count(text.begin(), text.end(), '\n') == 6);
+  CHECK(contains(text, "\n5,"));
+  CHECK(contains(refusal(folder, RBRES_TRAIN, with("--out new --resume --checkpoint run --epochs 9")),
+                 "run: metadata 'options'"));
+
+  for (const std::string other : {"--optimizer sgd --learning-rate 1e-4", "--schedule cosine", "--clip 0.01"})
+    REQUIRE(train(folder, other + " --out " + std::to_string(other.size())).status == 0);
+  REQUIRE(train(folder, "--start whole --learning-rate 1e-30 --dropout 0 --l2 0 --out same").status == 0);
+  const auto first = load<ShallowPredictor>(folder / "whole"), same = load<ShallowPredictor>(folder / "same");
+  CHECK(
+      (first.network.forward(Shallow::Input::Ones()) - same.network.forward(Shallow::Input::Ones())).norm() ==
+      0);
+  CHECK(first.input.mean == same.input.mean);
+  CHECK(contains(refusal(folder, RBRES_TRAIN, with("--start whole --target residual --out new")),
+                 "--start: whole"));
+  CHECK(contains(refusal(folder, RBRES_TRAIN, with("--optimizer rmsprop --out new")),
+                 "one of adam, adamw, sgd"));
+}
+
 TEST_CASE("a data set is made once, and gives the model of the same scenarios in memory") {
   const TemporaryFolder folder;
   REQUIRE(train(folder, "--out memory").status == 0);
