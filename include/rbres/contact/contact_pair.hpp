@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <rbres/contact/broad_phase.hpp>
 #include <rbres/contact/detect.hpp>
-#include <rbres/contact/impulse.hpp>
+#include <rbres/contact/impact.hpp>
 
 namespace rbres {
 namespace detail {
@@ -30,6 +30,13 @@ void with_manifold(const System& system, const typename System::State& y, int fi
   }
 }
 
+/// The speed of a fall as deep as the body is large, over that of a body of 0.1 m: sqrt(10 / m * size).
+/// Thresholds of speed grow with it, so that large and small worlds behave alike (Froude's similarity).
+template <class S>
+S speed_scale(const S& size) {
+  return root(S(as<S>(10.0) * size));
+}
+
 /// A pair that may touch during a step: its manifold, and what its points do.
 template <class System>
 struct ContactPair {
@@ -45,19 +52,33 @@ struct ContactPair {
   Candidate who;
   Contact manifold;
   std::array<S, points> speed;  ///< at which each point's gap opens, m/s
-  std::array<MaskOf<S>, points> touching, held;
-  MaskOf<S> any_held;
+  std::array<MaskOf<S>, points> touching, resting;
+  MaskOf<S> any_resting;
   Surface<S> surface;
-  S size;        ///< the smaller bounding radius, m
-  S touch;       ///< points closer than this touch, m
-  S near;        ///< slow points closer than this are held, m
-  S rest_speed;  ///< slower impacts do not bounce, m/s
-  S still;       ///< points that open slower than this do not part, m/s
+  S size;         ///< the smaller bounding radius, m
+  S touch;        ///< points closer than this touch, m
+  S near;         ///< slow points closer than this rest, m
+  S speed_scale;  ///< see detail::speed_scale
+  S rest_speed;   ///< slower impacts do not bounce, m/s
+  S still;        ///< points that open slower than this do not part, m/s
+
+  ContactPair(const System& system, const Candidate& candidate, const S& rest)
+      : who(candidate), surface(surface_of(system, who.first, who.second)) {
+    size = system[who.second].bounding_radius();
+    if (!plane()) size = minimum(size, system[who.first].bounding_radius());
+    touch = as<S>(Constants<S>::touch) * size;
+    near = as<S>(100.0) * touch;
+    speed_scale = detail::speed_scale(size);
+    // A perfectly elastic contact never comes to rest by bouncing.
+    rest_speed = select(surface.restitution < S(1), rest, minimum(rest, as<S>(1e-7))) * speed_scale;
+    still = minimum(rest_speed, S(as<S>(100 * Constants<S>::touch) * speed_scale));
+  }
 
   bool plane() const { return who.first < 0; }
   /// A plane's points are corners, always the same; where two bodies touch moves with their manifold.
   bool fixed_points() const { return plane() || points == 1; }
-  Motion<S>& first(Motions& m) const { return m[static_cast<std::size_t>(plane() ? 0 : who.first)]; }
+  /// The motion of the second body where the first is a plane: nothing reads or changes a plane's.
+  Motion<S>& first(Motions& m) const { return m[static_cast<std::size_t>(plane() ? who.second : who.first)]; }
   Motion<S>& second(Motions& m) const { return m[static_cast<std::size_t>(who.second)]; }
 
   /// How the two meet in this state.

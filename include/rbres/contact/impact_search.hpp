@@ -22,16 +22,18 @@ typename System::Scalar speed_bound(const System& system, const Candidate& who,
     }
     return S(norm(v) + spin);
   };
-  return maximum(bound(start), bound(end)) + as<S>(1e-6);
+  return maximum(bound(start), bound(end));
 }
 
-/// When a pair meets between `start` and `end`, `part` seconds later, at a point that is not held; `part`
-/// where it does not. `pair` knows the start; `end_motion` is that of `end`.
+/// When a pair touches between `start` and `end`, `part` seconds later, at a point that does not rest; `part`
+/// where it does not; earlier where the walk ended before. `pair` knows the start; `end_motion` is that of
+/// `end`. `lost` gains the lanes in which the pair goes so far that no number of looks would do.
 template <class System>
 typename System::Scalar impact_time(const System& system, const ContactPair<System>& pair,
                                     const typename System::State& start, const typename System::State& end,
                                     const typename ContactPair<System>::Motions& end_motion,
-                                    const typename System::Scalar& part) {
+                                    const typename System::Scalar& part,
+                                    MaskOf<typename System::Scalar>& lost) {
   using S = typename System::Scalar;
   using Pair = ContactPair<System>;
   constexpr std::size_t P = Pair::points;
@@ -40,7 +42,7 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
   std::array<MaskOf<S>, P> counts;  // points that may start a contact
   MaskOf<S> counted(false);
   for (std::size_t i = 0; i < P; ++i) {
-    const MaskOf<S> held = pair.fixed_points() ? pair.held[i] : MaskOf<S>(false);
+    const MaskOf<S> held = pair.fixed_points() ? pair.resting[i] : MaskOf<S>(false);
     counts[i] = open & !held;
     counted = counted | counts[i];
   }
@@ -48,7 +50,7 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
 
   // A point that overlaps and leaves comes back when it is as deep again. Where two bodies hold one another,
   // their points cannot be told apart: there a new one shows by a depth that held ones never reach.
-  const S allowance = pair.fixed_points() ? S(0) : select(pair.any_held, pair.near, S(0));
+  const S allowance = pair.fixed_points() ? S(0) : select(pair.any_resting, pair.near, S(0));
   const auto lowest = [&](const typename Pair::Contact& contact) {
     if (!pair.fixed_points())
       return S(contact.separation - minimum(pair.manifold.separation, S(0)) + allowance);
@@ -62,10 +64,11 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
 
   typename Pair::Contact after;
   pair.find(system, end, after);
-  Approach<S> approach{part,          lowest(pair.manifold),
-                       lowest(after), speed_bound(system, pair.who, start, end),
-                       part,          pair.touch,
-                       pair.size};
+  Approach<S> approach{
+      part,          lowest(pair.manifold),
+      lowest(after), speed_bound(system, pair.who, start, end) + as<S>(1e-6) * pair.speed_scale,
+      part,          pair.touch,
+      pair.size};
   MaskOf<S> dips(!pair.fixed_points());
   for (std::size_t i = 0; i < P; ++i) {
     if (!any(counts[i])) continue;
@@ -73,7 +76,7 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
     const MaskOf<S> came = pair.speed[i]<S(0), leaves = later> S(0);
     dips = dips | (counts[i] & came & leaves);
     // A point that has just left is apart when gravity has turned it round, if that comes soon.
-    const MaskOf<S> touched = pair.touching[i], shared = pair.any_held & !MaskOf<S>(pair.fixed_points());
+    const MaskOf<S> touched = pair.touching[i], shared = pair.any_resting & !MaskOf<S>(pair.fixed_points());
     const MaskOf<S> leaving = counts[i] & touched & !shared;
     const S lost = maximum(S(pair.speed[i] - later), S(Constants<S>::tiny));
     const S turn = part * clamp(S(pair.speed[i] / lost), as<S>(1e-3), S(1));
@@ -83,6 +86,7 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
   const MaskOf<S> near = approach.gap_start + approach.gap_end < approach.speed_bound * part;
   const MaskOf<S> search = counted & (ends_below | (dips & near));
   if (!any(search)) return part;
+  lost = lost | (search & (part > as<S>(1e9) * least_look(approach)));
 
   typename Pair::Contact probe;
   typename System::State at = start;

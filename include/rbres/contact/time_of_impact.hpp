@@ -12,7 +12,7 @@ RigidState<S> interpolate(const RigidState<S>& from, const RigidState<S>& to, co
   const MaskOf<S> moving = duration > S(0);
   const S x = select(moving, S(time / select(moving, duration, S(1))), S(0));
   const S x2 = x * x, end = x2 * (S(3) - S(2) * x), start = S(1) - end;
-  const S rise = duration * x * square(S(1) - x), fall = duration * x2 * (x - S(1));
+  const S rise = duration * x * square(S(S(1) - x)), fall = duration * x2 * (x - S(1));
   const Quat<S>&p = from.orientation, &q = to.orientation;
   const Quat<S> dp = quaternion_rate(p, from.angular_velocity), dq = quaternion_rate(q, to.angular_velocity);
   const auto mix = [&](const S& a, const S& da, const S& b, const S& db) {
@@ -37,20 +37,28 @@ struct Approach {
   S size;         ///< the smaller bounding radius, m
 };
 
+/// The least time between two looks at a pair, s.
+template <class S>
+S least_look(const Approach<S>& pair) {
+  return as<S>(0.02) * pair.size / pair.speed_bound;
+}
+
 /// The earliest time in (0, duration] at which gap(time) falls to zero, in the lanes where `search` holds;
 /// `duration` in the others, and where it does not happen; `found` says which. The walk advances by no more
 /// than the gap allows (conservative advancement, Mirtich 1996), but by at least a fiftieth of the smaller
-/// body's way, so that only grazes shallower than about 5e-5 of its radius can be stepped over. The root is
-/// then enclosed by the Illinois method.
+/// body's way, so that only grazes shallower than about 5e-5 of its radius can be stepped over. After 256
+/// looks it ends at the time up to which the pair is known to be apart. The root is enclosed by the Illinois
+/// method.
 template <class S, class Gap>
 S time_of_impact(const Approach<S>& pair, const MaskOf<S>& search, const Gap& gap, MaskOf<S>& found) {
   using std::abs;
-  const S least = as<S>(0.02) * pair.size / pair.speed_bound;
+  constexpr int looks = 256;
+  const S least = least_look(pair);
   S a(0), gap_a = pair.gap_start, b = pair.duration, gap_b = pair.gap_end;
   S time = minimum(maximum(S(pair.gap_start / pair.speed_bound), least), pair.first_look);
   MaskOf<S> walking = search;
   found = MaskOf<S>(false);
-  while (any(walking)) {
+  for (int look = 0; look < looks && any(walking); ++look) {
     const MaskOf<S> at_end = time >= pair.duration;
     time = minimum(time, pair.duration);
     const S g = gap(time);
@@ -63,7 +71,8 @@ S time_of_impact(const Approach<S>& pair, const MaskOf<S>& search, const Gap& ga
     gap_a = select(walking, g, gap_a);
     time = time + maximum(S(g / pair.speed_bound), least);
   }
-  if (!any(found)) return pair.duration;
+  const S apart = select(walking, a, pair.duration);
+  if (!any(found)) return apart;
 
   const S close = S(4) * S(Constants<S>::epsilon) * pair.size;
   MaskOf<S> working = found;
@@ -88,7 +97,7 @@ S time_of_impact(const Approach<S>& pair, const MaskOf<S>& search, const Gap& ga
     kept_a = !above;
     working = working & (abs(g) > close) & (width > S(Constants<S>::epsilon) * b);
   }
-  return select(found, root, pair.duration);
+  return select(found, root, apart);
 }
 
 }  // namespace rbres

@@ -97,6 +97,16 @@ struct LaneMask {
   bool operator[](int lane) const { return bits[lane] != 0; }
 };
 
+/// A count in each lane, as exact as its whole numbers: what a tally of packs is made of.
+template <class T, int N>
+struct LaneCount {
+  typename LaneMask<T, N>::Vector counts{};
+
+  /// One more in the lanes where m holds.
+  LaneCount& operator+=(LaneMask<T, N> m) { return counts -= m.bits, *this; }
+  long operator[](int lane) const { return static_cast<long>(counts[lane]); }
+};
+
 /// N numbers of type T, one scenario per lane, computed together: the compilers' vector extensions behind the
 /// interface of a scalar. sizeof(T) * N may exceed one register; the compiler splits it.
 template <class T, int N>
@@ -168,6 +178,7 @@ template <class T, int N>
 struct ScalarTraits<Pack<T, N>> {
   using Value = T;
   using Mask = LaneMask<T, N>;
+  using Count = LaneCount<T, N>;
   static constexpr int lanes = N;
   static T lane(const Pack<T, N>& x, int i) { return x.v[i]; }
   static void set_lane(Pack<T, N>& x, int i, T value) { x.v[i] = value; }

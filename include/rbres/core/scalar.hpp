@@ -16,6 +16,7 @@ template <class S>
 struct ScalarTraits {
   using Value = S;                 ///< the type of one lane
   using Mask = bool;               ///< what a comparison gives
+  using Count = long;              ///< how often something happened; += a mask
   static constexpr int lanes = 1;  ///< scenarios that one number carries
   static S lane(const S& x, int) { return x; }
   static void set_lane(S& x, int, const S& value) { x = value; }
@@ -23,6 +24,8 @@ struct ScalarTraits {
 
 template <class S>
 using MaskOf = typename ScalarTraits<S>::Mask;
+template <class S>
+using CountOf = typename ScalarTraits<S>::Count;
 
 /// A scalar that carries several scenarios, so that its comparisons are masks.
 template <class S>
@@ -112,6 +115,8 @@ struct Constants {
   static constexpr Real tiny = std::numeric_limits<Real>::min() * Real(16);
   /// Two surfaces touch when their gap is below this share of the smaller body's radius.
   static constexpr Real touch = std::is_same_v<Real, float> ? Real(2e-5) : Real(1e-8);
+  /// Contacts are solved until no velocity is off by more than this share of speed_scale().
+  static constexpr Real solved = std::is_same_v<Real, float> ? Real(6e-6) : Real(1e-11);
 };
 
 /// A plain number, or one that already is an S, as an S.

@@ -7,9 +7,9 @@ namespace rbres {
 /// What happened during some steps, lane by lane.
 template <class S>
 struct ContactTally {
-  S impacts{0};   ///< impacts resolved: approaches answered by an impulse
-  S touching{0};  ///< pairs found touching, summed over steps
-  S overruns{0};  ///< steps that met the event cap and were finished discretely
+  CountOf<S> impacts{};   ///< impacts resolved: pairs whose approach was answered by an impulse
+  CountOf<S> touching{};  ///< discrete contacts: pairs found touching, summed over steps
+  CountOf<S> overruns{};  ///< steps that met the event cap and were finished discretely
 };
 
 namespace detail {
@@ -45,7 +45,7 @@ template <class System>
     }
     if (!any(overlaps)) return;
     if constexpr (Packed<S>) gather(manifold, touching);
-    tally.touching += select(overlaps, S(1), S(0));
+    tally.touching += overlaps;
 
     Motion<S> b = motion_of(system[second], y[second]);
     Motion<S> a = [&] {
@@ -64,7 +64,7 @@ template <class System>
     const S fallen = maximum(S(S(-2) * dot(manifold.normal, change)), S(0));
     const MaskOf<S> hit = resolve_impact<fixed>(manifold, touching, surface_of(system, first, second),
                                                 maximum(rest_speed, fallen), S(0), a, b);
-    tally.impacts += select(hit, S(1), S(0));
+    tally.impacts += hit;
     set_velocities_where(hit, y[second], b);
     const S out = select(overlaps, depth, S(0));
     y[second].position += ((S(1) - share) * out) * manifold.normal;

@@ -175,9 +175,9 @@ SimulationReport simulate(const System& system, typename System::State& state, c
   }
   if (!going) report.status = SimulationStatus::stopped;
   report.time = static_cast<double>(report.steps) * step;
-  report.impacts = std::lround(static_cast<double>(stepper.tally().impacts));
-  report.touching = std::lround(static_cast<double>(stepper.tally().touching));
-  report.overruns = std::lround(static_cast<double>(stepper.tally().overruns));
+  report.impacts = stepper.tally().impacts;
+  report.touching = stepper.tally().touching;
+  report.overruns = stepper.tally().overruns;
   return report;
 }
 

@@ -1,0 +1,80 @@
+#pragma once
+
+#include <algorithm>
+#include <rbres/contact/contact_rows.hpp>
+#include <vector>
+
+namespace rbres::detail {
+
+/// The forces of resting contacts in the part before: where the next solution starts, so that a stack at
+/// rest takes a sweep or two.
+template <class System>
+class ContactMemory {
+  using S = typename System::Scalar;
+  using Row = typename ContactRows<System>::Row;
+  static constexpr long points = static_cast<long>(ContactPair<System>::points);
+
+ public:
+  explicit ContactMemory(std::size_t most_rows) {
+    last_.reserve(most_rows);
+    next_.reserve(most_rows);
+  }
+
+  /// Forgets all, except in the lanes where `same` holds.
+  void forget_unless(const MaskOf<S>& same) {
+    for (Entry& entry : last_) {
+      for (S& force : entry.force) force = select(same, force, S(0));
+    }
+  }
+  /// The force at a row's point, N along its normal and tangents; zero where none is known.
+  std::array<S, 3> force(const Row& row) const {
+    const Entry* entry = find(key(row));
+    return entry ? entry->force : std::array<S, 3>{S(0), S(0), S(0)};
+  }
+
+  void start() { next_.clear(); }
+  /// Keeps a row's impulse as a force (times `rate`, 1/s) for the next part, in the lanes `open`; the others
+  /// keep what they have.
+  void keep(const Row& row, const S& rate, const MaskOf<S>& open) {
+    if (next_.size() == next_.capacity()) return;
+    const auto old = force(row);
+    Entry entry{key(row), {}};
+    for (std::size_t d = 0; d < 3; ++d) entry.force[d] = select(open, S(rate * row.impulse()[d]), old[d]);
+    next_.push_back(entry);
+  }
+  void finish(const MaskOf<S>& open) {
+    const auto by_key = [](const Entry& a, const Entry& b) { return a.key < b.key; };
+    std::sort(next_.begin(), next_.end(), by_key);
+    if (!all(open)) {  // what other lanes still hold on to
+      const std::size_t fresh = next_.size();
+      for (const Entry& old : last_) {
+        const auto end = next_.begin() + static_cast<std::ptrdiff_t>(fresh);
+        if (std::binary_search(next_.begin(), end, old, by_key) || next_.size() == next_.capacity()) continue;
+        Entry entry{old.key, {}};
+        for (std::size_t d = 0; d < 3; ++d) entry.force[d] = select(open, S(0), old.force[d]);
+        next_.push_back(entry);
+      }
+      std::sort(next_.begin(), next_.end(), by_key);
+    }
+    std::swap(last_, next_);
+  }
+
+ private:
+  struct Entry {
+    long key;
+    std::array<S, 3> force;
+  };
+  static long key(const Row& row) {
+    return (static_cast<long>(row.who.first) * System::bodies + row.who.second) * points +
+           static_cast<long>(row.point);
+  }
+  const Entry* find(long key) const {
+    const auto at = std::lower_bound(last_.begin(), last_.end(), key,
+                                     [](const Entry& entry, long k) { return entry.key < k; });
+    return at != last_.end() && at->key == key ? &*at : nullptr;
+  }
+
+  std::vector<Entry> last_, next_;
+};
+
+}  // namespace rbres::detail

@@ -1,0 +1,146 @@
+#pragma once
+
+#include <limits>
+#include <rbres/contact/contact_pair.hpp>
+#include <vector>
+
+namespace rbres::detail {
+
+/// The contact points of one island, and the solver that finds their impulses: each point leaves its normal
+/// at a target speed or faster, and obeys Coulomb's law.
+template <class System>
+class ContactRows {
+  using S = typename System::Scalar;
+  using Pair = ContactPair<System>;
+  using Motions = typename Pair::Motions;
+  using FixedPoint = ContactPoint<S, true>;
+  using FreePoint = ContactPoint<S, false>;
+
+ public:
+  struct Row {
+    Candidate who;
+    std::size_t point;  ///< its place in the pair's manifold
+    MaskOf<S> active;
+    S target, friction;
+    union {
+      FixedPoint fixed;  ///< with a plane
+      FreePoint free;    ///< between two bodies
+    };
+    std::array<S, 3> before, way;  ///< impulse before a round, and the way it has gone, N s
+
+    Row() {}
+    bool plane() const { return who.first < 0; }
+    const std::array<S, 3>& impulse() const { return plane() ? fixed.impulse() : free.impulse(); }
+  };
+
+  explicit ContactRows(const System& system) {
+    // Twice what equal balls can reach: none has more than twelve neighbours.
+    const std::size_t N = System::bodies;
+    rows_.reserve(Pair::points * (std::min(N * (N - 1) / 2, 12 * N) + N * system.planes().size()));
+  }
+
+  std::size_t capacity() const { return rows_.capacity(); }
+  /// Whether there is no room for another pair: memory is never asked for.
+  bool full() const { return rows_.size() + Pair::points > rows_.capacity(); }
+  void clear() {
+    rows_.clear();
+    tolerance_ = S(std::numeric_limits<typename Constants<S>::Real>::max());
+  }
+
+  /// Takes up point i of a pair where `active`, to leave at `target` (m/s) at least.
+  Row& add(const Pair& pair, std::size_t i, const MaskOf<S>& active, const S& target, const S& friction,
+           Motions& motion) {
+    Row& row = rows_.emplace_back();
+    row.who = pair.who;
+    row.point = i;
+    row.active = active;
+    row.target = target;
+    row.friction = friction;
+    const Vec3<S>&normal = pair.manifold.normal, &point = pair.manifold.point[i];
+    Motion<S>& second = motion[static_cast<std::size_t>(pair.who.second)];
+    if (pair.plane()) {
+      std::construct_at(&row.fixed, normal, point, second, second);
+    } else {
+      std::construct_at(&row.free, normal, point, motion[static_cast<std::size_t>(pair.who.first)], second);
+    }
+    tolerance_ = minimum(tolerance_, S(as<S>(Constants<S>::solved) * pair.speed_scale));
+    return row;
+  }
+
+  /// Calls f(row, contact point, first motion, second motion) for each row.
+  template <class F>
+  void each(Motions& motion, const F& f) {
+    for (Row& row : rows_) with(row, motion, [&](auto& point, auto& a, auto& b) { f(row, point, a, b); });
+  }
+
+  /// Changes the velocities in `motion` until every row obeys its laws, to the tolerance of the smallest
+  /// bodies. Only in the lanes `where`.
+  void solve(Motions& motion, const MaskOf<S>& where) {
+    // Friction comes second: what it answers before the normals agree only slows them down.
+    solve(motion, where, false, tolerance_);
+    solve(motion, where, true, tolerance_);
+  }
+
+  /// Sweeps to and fro over the points, each time going on along the way so far: nonlinear conjugate
+  /// gradients over projected Gauss-Seidel (Silcowitz-Hansen, Niebe, Erleben 2010), to `tolerance` (m/s).
+  /// Ends with a sweep, so that every law holds.
+  void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
+    constexpr int rounds = 100, patience = 12;
+    MaskOf<S> working = where;
+    S last_length(0), mark(std::numeric_limits<typename Constants<S>::Real>::max());
+    for (Row& row : rows_) row.way = {S(0), S(0), S(0)};
+    for (int round = 1; round <= rounds; ++round) {
+      for (Row& row : rows_) row.before = row.impulse();
+      S worst(0);
+      for (const bool back : {false, true}) {
+        for (std::size_t k = 0; k < rows_.size(); ++k) {
+          Row& row = rows_[back ? rows_.size() - 1 - k : k];
+          const MaskOf<S> active = row.active & working;
+          with(row, motion, [&](auto& point, auto& a, auto& b) {
+            worst = maximum(worst, friction ? point.relax(row.target, row.friction, active, a, b)
+                                            : point.relax_normal(row.target, active, a, b));
+          });
+        }
+        if (!any(working & (worst > tolerance))) return;
+      }
+      working = working & (worst > tolerance);
+      // Points whose targets do not agree push against one another for ever: what is left then stays.
+      if (round % patience == 0) {
+        working = working & (worst < as<S>(0.8) * mark);
+        mark = worst;
+      }
+      if (!any(working) || round == rounds) return;
+      S length(0);
+      for (const Row& row : rows_) {
+        for (std::size_t d = 0; d < 3; ++d) length += square(S(row.impulse()[d] - row.before[d]));
+      }
+      const MaskOf<S> onward = working & (length < last_length);
+      const S share = select(onward, S(length / select(onward, last_length, S(1))), S(0));
+      last_length = length;
+      for (Row& row : rows_) {
+        std::array<S, 3> further;
+        for (std::size_t d = 0; d < 3; ++d) {
+          further[d] = share * row.way[d];
+          row.way[d] = further[d] + (row.impulse()[d] - row.before[d]);
+        }
+        with(row, motion, [&](auto& point, auto& a, auto& b) { point.add(further, a, b); });
+      }
+    }
+  }
+
+ private:
+  template <class F>
+  static void with(Row& row, Motions& motion, const F& f) {
+    Motion<S>& second = motion[static_cast<std::size_t>(row.who.second)];
+    if (row.plane()) {
+      f(row.fixed, second, second);
+    } else {
+      f(row.free, motion[static_cast<std::size_t>(row.who.first)], second);
+    }
+  }
+
+  std::vector<Row> rows_;
+  S tolerance_{0};
+};
+
+}  // namespace rbres::detail

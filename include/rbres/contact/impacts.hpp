@@ -1,0 +1,182 @@
+#pragma once
+
+#include <rbres/contact/contact_rows.hpp>
+#include <rbres/contact/islands.hpp>
+
+namespace rbres::detail {
+
+/// Resolves all impacts of one instant. Contacts that approach are answered together, island by island, each
+/// with its restitution; those that approach because of that follow, and so on (generalized reflections:
+/// Smith, Kaufman, Vouga, Tamstorf, Grinspun 2012). So a row of balls hands a blow on to its last one, and no
+/// order of bodies is preferred. Plastic contacts and those that rest on them are answered at once.
+template <class System>
+class Impacts {
+  using S = typename System::Scalar;
+  static constexpr int N = System::bodies;
+  using Pair = ContactPair<System>;
+  using Motions = typename Pair::Motions;
+  static constexpr std::size_t P = Pair::points;
+
+ public:
+  Impacts(const System& system, std::size_t most_pairs) : islands_(most_pairs), rows_(system) {
+    info_.reserve(rows_.capacity());
+    hit_.reserve(most_pairs);
+  }
+
+  /// A new step: no body has been hit yet.
+  void start_step() { answered_.fill(S(0)); }
+
+  /// Changes the velocities in `motion` until no touching pair approaches faster than its rest speed. `pairs`
+  /// know where they touch. Returns the lanes in which there was an impact; `count` counts pairs.
+  MaskOf<S> resolve(std::vector<Pair>& pairs, Motions& motion, CountOf<S>& count) {
+    MaskOf<S> changed(false);
+    for (int pass = 0; pass < passes; ++pass) {
+      if (!find_hits(pairs, motion, pass == passes - 1)) break;
+      for (std::size_t k = 0; k < pairs.size(); ++k) {
+        const MaskOf<S>& hit = hit_[k].hit;
+        if (!any(hit)) continue;
+        changed = changed | hit;
+        count += hit;
+        for (const int i : {pairs[k].who.first, pairs[k].who.second}) {
+          if (i >= 0) answered_[std::size_t(i)] += select(hit, S(1), S(0));
+        }
+      }
+      for (std::size_t i = 0; i < islands_.count(); ++i) resolve_island(islands_[i], pairs, motion);
+    }
+    return changed;
+  }
+
+ private:
+  /// A body that was hit so often in one step goes on without bounce: bounces that would have no end end.
+  static constexpr int most_answers = 200;
+  static constexpr int passes = most_answers + 50;
+  struct Hit {
+    MaskOf<S> hit;      ///< approaches faster than the rest speed
+    MaskOf<S> plastic;  ///< does not bounce
+    MaskOf<S> joins;    ///< is solved together with its neighbours
+    Surface<S> surface;
+  };
+  struct IslandImpact {
+    ContactRows<System>& rows;
+    std::vector<ImpactPoint<S>>& info;
+    Motions& motion;
+    S tolerance;
+
+    template <class F>
+    void each(const F& f) {
+      std::size_t k = 0;
+      rows.each(motion, [&](auto& row, auto& point, auto& first, auto& second) {
+        f(info[k], point, first, second);
+        row.active = info[k++].active;
+      });
+    }
+    void solve(bool friction, const MaskOf<S>& where) {
+      rows.solve(motion, where, false, tolerance);
+      if (friction) rows.solve(motion, where, true, tolerance);
+    }
+  };
+
+  /// Finds the pairs that have an impact, and their islands. False where there is none.
+  bool find_hits(const std::vector<Pair>& pairs, const Motions& motion, bool last) {
+    hit_.resize(pairs.size());
+    MaskOf<S> none(false), found(false);
+    for (std::size_t k = 0; k < pairs.size(); ++k) {
+      const Pair& pair = pairs[k];
+      Hit& h = hit_[k];
+      h.hit = h.joins = none;
+      h.surface = pair.surface;
+      MaskOf<S> touches(false);
+      for (std::size_t i = 0; i < P; ++i) {
+        if (!any(pair.touching[i])) continue;
+        const MaskOf<S> fast = pair.opening(pair.manifold, i, motion) < -pair.rest_speed;
+        h.hit = h.hit | (pair.touching[i] & fast);
+        touches = touches | pair.touching[i];
+      }
+      S answers = answered_[std::size_t(pair.who.second)];
+      if (pair.who.first >= 0) answers = maximum(answers, answered_[std::size_t(pair.who.first)]);
+      const MaskOf<S> tired = answers > as<S>(double(last ? -1 : most_answers));
+      h.surface.restitution = select(tired, S(0), h.surface.restitution);
+      h.plastic = h.surface.restitution <= S(0);
+      h.joins = h.hit | (touches & h.plastic);
+      found = found | h.hit;
+    }
+    if (!any(found)) return false;
+
+    std::array<MaskOf<S>, N> used;
+    used.fill(none);
+    MaskOf<S> shared(false);
+    islands_.clear();
+    for (std::size_t k = 0; k < pairs.size(); ++k) {
+      if (!any(hit_[k].joins)) continue;
+      islands_.add(k, pairs[k].who.first, pairs[k].who.second);
+      for (const int i : {pairs[k].who.first, pairs[k].who.second}) {
+        if (i < 0) continue;
+        shared = shared | (used[std::size_t(i)] & hit_[k].joins);
+        used[std::size_t(i)] = used[std::size_t(i)] | hit_[k].joins;
+      }
+    }
+    // Lanes disagree about islands: they are solved as one, unless no lane has two pairs that share a body.
+    together_ = Packed<S> && any(shared);
+    islands_.group(together_);
+    return true;
+  }
+
+  void resolve_island(std::span<const std::size_t> island, std::vector<Pair>& pairs, Motions& motion) {
+    using std::abs;
+    MaskOf<S> hit(false);
+    for (const std::size_t k : island) hit = hit | hit_[k].hit;
+    if (!any(hit)) return;
+    if (island.size() == 1 || (Packed<S> && !together_)) {
+      for (const std::size_t k : island) resolve_alone(pairs[k], hit_[k], motion);
+      return;
+    }
+    rows_.clear();
+    info_.clear();
+    S fastest(0);
+    for (const std::size_t k : island) {
+      const Pair& pair = pairs[k];
+      const Hit& h = hit_[k];
+      if (rows_.full()) {
+        resolve_alone(pairs[k], h, motion);
+        continue;
+      }
+      for (std::size_t i = 0; i < P; ++i) {
+        if (!any(pair.touching[i] & h.joins)) continue;
+        ImpactPoint<S>& info = info_.emplace_back();
+        const S speed = pair.opening(pair.manifold, i, motion);
+        const MaskOf<S> slow = speed <= select(h.plastic, pair.rest_speed, S(0));
+        const MaskOf<S> bounces = speed < -pair.rest_speed;
+        info.active = pair.touching[i] & h.joins & slow;
+        info.approaches = speed <= S(0);
+        info.target = select(bounces, S(-h.surface.restitution * speed), S(0));
+        rows_.add(pair, i, info.active, info.target, h.surface.friction, motion);
+      }
+    }
+    IslandImpact impact{rows_, info_, motion, S(0)};
+    impact.each([&](ImpactPoint<S>& info, auto& point, auto& first, auto& second) {
+      for (std::size_t d = 0; d < 3; ++d) {
+        info.before[d] = point.velocity(d, first, second);
+        fastest = maximum(fastest, select(info.active, S(abs(info.before[d])), S(0)));
+      }
+    });
+    impact.tolerance = S(16) * S(Constants<S>::epsilon) * fastest;
+    solve_impact<S>(impact, hit);
+  }
+
+  static void resolve_alone(Pair& pair, const Hit& h, Motions& motion) {
+    const auto resolve = [&](auto fixed) {
+      resolve_impact<decltype(fixed)::value>(pair.manifold, pair.touching, h.surface, pair.rest_speed,
+                                             pair.rest_speed, pair.first(motion), pair.second(motion));
+    };
+    pair.plane() ? resolve(std::true_type{}) : resolve(std::false_type{});
+  }
+
+  std::array<S, N> answered_;  ///< impacts of each body in this step
+  Islands<N> islands_;
+  ContactRows<System> rows_;
+  std::vector<ImpactPoint<S>> info_;
+  std::vector<Hit> hit_;
+  bool together_ = false;
+};
+
+}  // namespace rbres::detail

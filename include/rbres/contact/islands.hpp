@@ -1,0 +1,77 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace rbres::detail {
+
+/// Groups pairs of bodies into islands: pairs that share a body, directly or through others, are solved
+/// together; islands are independent of one another. Planes join nothing: they do not move.
+template <int N>
+class Islands {
+ public:
+  explicit Islands(std::size_t most_pairs) {
+    pairs_.reserve(most_pairs);
+    order_.reserve(most_pairs);
+  }
+
+  void clear() { pairs_.clear(); }
+  /// `first` is negative for a plane.
+  void add(std::size_t pair, int first, int second) { pairs_.push_back({pair, first, second}); }
+
+  /// Finds the islands, by union and find; or takes all pairs as one (`together`), because lanes would
+  /// disagree. The pairs of an island keep their order.
+  void group(bool together) {
+    order_.clear();
+    count_ = 0;
+    if (together) {
+      for (const Pair& pair : pairs_) order_.push_back(pair.index);
+      if (!pairs_.empty()) end_[count_++] = order_.size();
+      return;
+    }
+    for (std::size_t i = 0; i < N; ++i) parent_[i] = i;
+    for (const Pair& pair : pairs_) {
+      if (pair.first >= 0) parent_[root(std::size_t(pair.first))] = root(std::size_t(pair.second));
+    }
+    std::array<std::size_t, N> island, size{};
+    island.fill(N);
+    for (const Pair& pair : pairs_) {
+      std::size_t& k = island[root(std::size_t(pair.second))];
+      if (k == N) k = count_++;
+      ++size[k];
+    }
+    std::size_t end = 0;
+    for (std::size_t k = 0; k < count_; ++k) {
+      end_[k] = end;
+      end += size[k];
+    }
+    order_.resize(end);
+    for (const Pair& pair : pairs_) order_[end_[island[root(std::size_t(pair.second))]]++] = pair.index;
+  }
+
+  std::size_t count() const { return count_; }
+  /// The pairs of island k.
+  std::span<const std::size_t> operator[](std::size_t k) const {
+    const std::size_t start = k == 0 ? 0 : end_[k - 1];
+    return {order_.data() + start, end_[k] - start};
+  }
+
+ private:
+  struct Pair {
+    std::size_t index;
+    int first, second;
+  };
+  std::size_t root(std::size_t i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
+  }
+
+  std::vector<Pair> pairs_;
+  std::vector<std::size_t> order_;
+  std::array<std::size_t, N> parent_, end_;
+  std::size_t count_ = 0;
+};
+
+}  // namespace rbres::detail
