@@ -2,6 +2,7 @@
 
 #include <limits>
 #include <rbres/contact/contact_pair.hpp>
+#include <rbres/contact/island_newton.hpp>
 #include <vector>
 
 namespace rbres::detail {
@@ -33,10 +34,8 @@ class ContactRows {
     const std::array<S, 3>& impulse() const { return plane() ? fixed.impulse() : free.impulse(); }
   };
 
-  explicit ContactRows(const System& system) {
-    // Twice what equal balls can reach: none has more than twelve neighbours.
-    const std::size_t N = System::bodies;
-    rows_.reserve(Pair::points * (std::min(N * (N - 1) / 2, 12 * N) + N * system.planes().size()));
+  explicit ContactRows(const System& system) : newton_(most_rows(system)) {
+    rows_.reserve(most_rows(system));
   }
 
   std::size_t capacity() const { return rows_.capacity(); }
@@ -75,18 +74,28 @@ class ContactRows {
 
   /// Changes the velocities in `motion` until every row obeys its laws, to the tolerance of the smallest
   /// bodies. Only in the lanes `where`.
-  void solve(Motions& motion, const MaskOf<S>& where) {
-    // Friction comes second: what it answers before the normals agree only slows them down.
-    solve(motion, where, false, tolerance_);
-    solve(motion, where, true, tolerance_);
+  void solve(Motions& motion, const MaskOf<S>& where) { solve(motion, where, true, tolerance_); }
+
+  /// The same to `tolerance` (m/s), with or without friction. A few sweeps settle most islands, Newton's
+  /// method the others; large heaps, for which that costs too much, are swept on, to a coarser tolerance.
+  void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
+    constexpr int few = 12, many = 100;
+    const S coarse = as<S>(200.0) * tolerance;
+    // Friction comes second: what it answers before the normals agree only slows it down.
+    MaskOf<S> open = sweep(motion, where, false, tolerance, few);
+    if (friction) open = sweep(motion, where, true, tolerance, few);
+    if (!any(open) || newton_.solve(*this, motion, open, friction, tolerance)) return;
+    open = sweep(motion, open, false, coarse, many);
+    if (friction) sweep(motion, where, true, coarse, many);
   }
 
+ private:
   /// Sweeps to and fro over the points, each time going on along the way so far: nonlinear conjugate
   /// gradients over projected Gauss-Seidel (Silcowitz-Hansen, Niebe, Erleben 2010), to `tolerance` (m/s).
-  /// Ends with a sweep, so that every law holds.
-  void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
-    constexpr int rounds = 100, patience = 12;
-    MaskOf<S> working = where;
+  /// Ends with a sweep, so that every cone holds. Returns the lanes in which laws are still off.
+  MaskOf<S> sweep(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance, int rounds) {
+    constexpr int patience = 12;
+    MaskOf<S> working = where, open(false);
     S last_length(0), mark(std::numeric_limits<typename Constants<S>::Real>::max());
     for (Row& row : rows_) row.way = {S(0), S(0), S(0)};
     for (int round = 1; round <= rounds; ++round) {
@@ -101,15 +110,17 @@ class ContactRows {
                                             : point.relax_normal(row.target, active, a, b));
           });
         }
-        if (!any(working & (worst > tolerance))) return;
+        if (!any(working & (worst > tolerance))) return open;
       }
       working = working & (worst > tolerance);
       // Points whose targets do not agree push against one another for ever: what is left then stays.
       if (round % patience == 0) {
-        working = working & (worst < as<S>(0.8) * mark);
+        const MaskOf<S> better = worst < as<S>(0.8) * mark;
+        open = open | (working & !better);
+        working = working & better;
         mark = worst;
       }
-      if (!any(working) || round == rounds) return;
+      if (!any(working) || round == rounds) break;
       S length(0);
       for (const Row& row : rows_) {
         for (std::size_t d = 0; d < 3; ++d) length += square(S(row.impulse()[d] - row.before[d]));
@@ -126,9 +137,14 @@ class ContactRows {
         with(row, motion, [&](auto& point, auto& a, auto& b) { point.add(further, a, b); });
       }
     }
+    return open | working;
   }
 
- private:
+  /// Twice what equal balls can reach: none has more than twelve neighbours.
+  static std::size_t most_rows(const System& system) {
+    const std::size_t N = System::bodies;
+    return Pair::points * (std::min(N * (N - 1) / 2, 12 * N) + N * system.planes().size());
+  }
   template <class F>
   static void with(Row& row, Motions& motion, const F& f) {
     Motion<S>& second = motion[static_cast<std::size_t>(row.who.second)];
@@ -139,6 +155,7 @@ class ContactRows {
     }
   }
 
+  IslandNewton<System> newton_;
   std::vector<Row> rows_;
   S tolerance_{0};
 };

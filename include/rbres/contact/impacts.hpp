@@ -159,7 +159,7 @@ class Impacts {
         fastest = maximum(fastest, select(info.active, S(abs(info.before[d])), S(0)));
       }
     });
-    impact.tolerance = S(16) * S(Constants<S>::epsilon) * fastest;
+    impact.tolerance = S(64) * S(Constants<S>::epsilon) * fastest;
     solve_impact<S>(impact, hit);
   }
 

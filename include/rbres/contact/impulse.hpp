@@ -33,7 +33,7 @@ void set_velocities(RigidState<S>& state, const Motion<S>& motion) {
 /// Manifold.
 template <class S, bool Fixed, bool Central = false>
 class ContactPoint {
-  static constexpr std::size_t first_arm = Central ? 1 : 0;  ///< of the directions that turn a body
+  static constexpr std::size_t arms_from = Central ? 1 : 0;  ///< of the directions that turn a body
 
  public:
   ContactPoint() = default;
@@ -60,7 +60,7 @@ class ContactPoint {
   S velocity(std::size_t d, const Motion<S>& first, const Motion<S>& second) const {
     S v = dot(direction_[d], second.velocity);
     if constexpr (!Fixed) v -= dot(direction_[d], first.velocity);
-    if (d < first_arm) return v;
+    if (d < arms_from) return v;
     v += dot(second_.arm[d], second.angular_velocity);
     if constexpr (!Fixed) v -= dot(first_.arm[d], first.angular_velocity);
     return v;
@@ -114,6 +114,14 @@ class ContactPoint {
       push(d, impulse[d], first, second);
     }
   }
+  /// The unit vector of direction d, world frame.
+  const Vec3<S>& direction(std::size_t d) const { return direction_[d]; }
+  /// r x direction(d) of either body, m.
+  Vec3<S> first_arm(std::size_t d) const requires(!Fixed) { return first_.arm[d]; }
+  const Vec3<S>& second_arm(std::size_t d) const { return second_.arm[d]; }
+  /// What a unit impulse changes: the velocity along the normal, and at most that along the surface, 1/kg.
+  const S& normal_response() const { return normal_response_; }
+  const S& tangent_response() const { return tangent_response_; }
   /// Impulse along the normal and the two tangents, N s.
   const std::array<S, 3>& impulse() const { return impulse_; }
 
@@ -124,7 +132,7 @@ class ContactPoint {
   };
   Lever lever(const Vec3<S>& point, const Motion<S>& body) const {
     const auto arm = [&](std::size_t d) {
-      return d < first_arm ? Vec3<S>{} : cross(point - body.position, direction_[d]);
+      return d < arms_from ? Vec3<S>{} : cross(point - body.position, direction_[d]);
     };
     const Vec3<S> n = arm(0), u = arm(1), v = arm(2);
     return {{in_registers(n), in_registers(u), in_registers(v)},
@@ -145,7 +153,7 @@ class ContactPoint {
       k = second.inverse_mass;
       if constexpr (!Fixed) k += first.inverse_mass;
     }
-    if (d < first_arm) return k;
+    if (d < arms_from) return k;
     k += dot(second_.arm[d], second_.spin[e]);
     if constexpr (!Fixed) k += dot(first_.arm[d], first_.spin[e]);
     return k;
@@ -154,7 +162,7 @@ class ContactPoint {
   void push(std::size_t d, const S& p, Motion<S>& first, Motion<S>& second) const {
     second.velocity += (second.inverse_mass * p) * direction_[d];
     if constexpr (!Fixed) first.velocity -= (first.inverse_mass * p) * direction_[d];
-    if (d < first_arm) return;
+    if (d < arms_from) return;
     second.angular_velocity += p * second_.spin[d];
     if constexpr (!Fixed) first.angular_velocity -= p * first_.spin[d];
   }
