@@ -3,6 +3,7 @@
 #include <limits>
 #include <rbres/contact/contact_pair.hpp>
 #include <rbres/contact/island_newton.hpp>
+#include <variant>
 #include <vector>
 
 namespace rbres::detail {
@@ -23,15 +24,14 @@ class ContactRows {
     std::size_t point;  ///< its place in the pair's manifold
     MaskOf<S> active;
     S target, friction;
-    union {
-      FixedPoint fixed;  ///< with a plane
-      FreePoint free;    ///< between two bodies
-    };
-    std::array<S, 3> before, way;  ///< impulse before a round, and the way it has gone, N s
+    std::variant<FixedPoint, FreePoint> at;  ///< with a plane, or between two bodies
+    std::array<S, 3> before, way;            ///< impulse before a round, and the way it has gone, N s
 
-    Row() {}
     bool plane() const { return who.first < 0; }
-    const std::array<S, 3>& impulse() const { return plane() ? fixed.impulse() : free.impulse(); }
+    const std::array<S, 3>& impulse() const {
+      return std::visit(
+          [](const auto& p) -> auto& { return p.impulse(); }, at);
+    }
   };
 
   explicit ContactRows(const System& system) : newton_(most_rows(system)) {
@@ -58,9 +58,10 @@ class ContactRows {
     const Vec3<S>&normal = pair.manifold.normal, &point = pair.manifold.point[i];
     Motion<S>& second = motion[static_cast<std::size_t>(pair.who.second)];
     if (pair.plane()) {
-      std::construct_at(&row.fixed, normal, point, second, second);
+      row.at.template emplace<FixedPoint>(normal, point, second, second);
     } else {
-      std::construct_at(&row.free, normal, point, motion[static_cast<std::size_t>(pair.who.first)], second);
+      row.at.template emplace<FreePoint>(normal, point, motion[static_cast<std::size_t>(pair.who.first)],
+                                         second);
     }
     tolerance_ = minimum(tolerance_, S(as<S>(Constants<S>::solved) * pair.speed_scale));
     return row;
@@ -149,9 +150,9 @@ class ContactRows {
   static void with(Row& row, Motions& motion, const F& f) {
     Motion<S>& second = motion[static_cast<std::size_t>(row.who.second)];
     if (row.plane()) {
-      f(row.fixed, second, second);
+      f(*std::get_if<FixedPoint>(&row.at), second, second);
     } else {
-      f(row.free, motion[static_cast<std::size_t>(row.who.first)], second);
+      f(*std::get_if<FreePoint>(&row.at), motion[static_cast<std::size_t>(row.who.first)], second);
     }
   }
 

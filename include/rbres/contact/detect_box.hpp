@@ -36,7 +36,7 @@ Manifold<S, 1> detect_box_ball(const Box<S>& box, const Pose<S>& pose, const Vec
 
   const Vec3<S> depth = h - absolute(p);
   const MaskOf<S> x_least = (depth.x <= depth.y) & (depth.x <= depth.z),
-                  y_least = !x_least & (depth.y <= depth.z);
+                  y_least = (!x_least) & (depth.y <= depth.z);
   const Vec3<S> sign{select(p.x < S(0), S(-1), S(1)), select(p.y < S(0), S(-1), S(1)),
                      select(p.z < S(0), S(-1), S(1))};
   const Vec3<S> inner = select(x_least, Vec3<S>{sign.x, S(0), S(0)},

@@ -419,12 +419,6 @@ class IslandNewton {
     const Vec3<S> spin = inertia * Vec3<S>{v[3], v[4], v[5]};
     return {mass * v[0], mass * v[1], mass * v[2], spin.x, spin.y, spin.z};
   }
-  static Mat3<S> symmetric_inverse(const Mat3<S>& m) {
-    const Vec3<S> x = cross(m.y, m.z), y = cross(m.z, m.x), z = cross(m.x, m.y);
-    const S over = S(1) / dot(m.x, x);
-    return {over * x, over * y, over * z};
-  }
-
   struct Inertia {
     S mass;
     Mat3<S> tensor;  ///< world frame

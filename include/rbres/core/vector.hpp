@@ -138,6 +138,14 @@ Mat3<S> rotated_diagonal(const Mat3<S>& r, const Vec3<S>& d) {
           {xz, yz, a.z * r.x.z + b.z * r.y.z + c.z * r.z.z}};
 }
 
+/// The inverse of a symmetric matrix.
+template <class S>
+Mat3<S> symmetric_inverse(const Mat3<S>& m) {
+  const Vec3<S> x = cross(m.y, m.z), y = cross(m.z, m.x), z = cross(m.x, m.y);
+  const S over = S(1) / dot(m.x, x);
+  return {over * x, over * y, over * z};
+}
+
 /// The rate 1/2 q (x) [0, w] of an orientation under the body-frame angular velocity w (the paper's equation
 /// 3).
 template <class S>

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <rbres/dynamics/integrators.hpp>
 #include <utility>
 
@@ -47,7 +49,8 @@ struct DormandPrince54 {
     return integrate(rate, y, t, h, [](const auto&) {});
   }
 
-  /// From t to t + h, calling on_step(const DenseStep&) after each accepted step.
+  /// From t to t + h, calling on_step(const DenseStep&) after each accepted step. Where the rate is not
+  /// finite, or a million steps do not suffice, the state that is returned is not finite.
   template <class Rate, class State, class S, class OnStep>
   State integrate(const Rate& rate, const State& y0, const S& t0, const S& h, const OnStep& on_step) const {
     static_assert(std::is_floating_point_v<S>,
@@ -57,8 +60,7 @@ struct DormandPrince54 {
     auto& k = dense.slope;
     k[0] = rate(t0, y0);
     S done = 0, step = h;
-    // The cap only ends runs that met a non-finite number, which no step makes acceptable.
-    for (long tries = 0; done < h && tries < 10'000'000; ++tries) {
+    for (long tries = 0; done < h; ++tries) {
       step = std::min(step, h - done);
       const S t = t0 + done;
       const State& y = dense.from;
@@ -78,7 +80,18 @@ struct DormandPrince54 {
           combine(zero, step, k,
                   {71.0 / 57600, 0.0, -71.0 / 16695, 71.0 / 1920, -17253.0 / 339200, 22.0 / 525, -1.0 / 40});
       const S error = scaled_error(zero, fault, dense.to);
-      if (error <= S(1) || step < as<S>(1e-13) * std::max(S(1), std::abs(t))) {
+      // A smaller step may stay clear of what is not finite; where none does, the state says so.
+      const bool smallest = step < as<S>(1e-13) * std::max(S(1), std::abs(t)) || tries >= most_tries;
+      if (!std::isfinite(error)) {
+        if (smallest || !std::isfinite(step)) return dense.to;
+        step *= as<S>(0.2);
+        continue;
+      }
+      if (tries >= most_tries) {
+        dense.from.vector().setConstant(std::numeric_limits<S>::quiet_NaN());
+        return dense.from;
+      }
+      if (error <= S(1) || smallest) {
         dense.start = t;
         dense.step = step;
         on_step(std::as_const(dense));
@@ -87,12 +100,14 @@ struct DormandPrince54 {
         k[0] = k[6];  // first same as last
       }
       const S factor = error > S(0) ? as<S>(0.9) * std::pow(error, as<S>(-0.2)) : S(5);
-      step *= std::isfinite(factor) ? std::clamp(factor, as<S>(0.2), S(5)) : as<S>(0.2);
+      step *= std::clamp(factor, as<S>(0.2), S(5));
     }
     return dense.from;
   }
 
  private:
+  static constexpr long most_tries = 1'000'000;
+
   template <class State, class Slope, class S>
   static State combine(State y, const S& h, const std::array<Slope, 7>& k,
                        std::initializer_list<double> weights) {

@@ -12,6 +12,11 @@ template <class T, int N>
 bool mask_lane(const LaneMask<T, N>& mask, int lane) {
   return mask[lane];
 }
+inline long count_lane(long count, int) { return count; }
+template <class T, int N>
+long count_lane(const LaneCount<T, N>& count, int lane) {
+  return count[lane];
+}
 }  // namespace detail
 
 /// What an observer of a batch hears: one scenario at one sample.
@@ -47,10 +52,7 @@ void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, con
   }
   const auto lanes_system = system.template cast<S>();
   using Lanes = std::decay_t<decltype(lanes_system)>;
-  const double step = whole_step(options);
-  const long per_sample =
-      options.sample_rate > 0 ? std::max(1L, std::lround(1 / (options.sample_rate * step))) : 1;
-  const long total = std::lround(options.duration / step);
+  const StepPlan plan(options);
   const std::ptrdiff_t blocks = (count + L - 1) / L;
 
   parallel_for(blocks, threads, [&](std::ptrdiff_t block) {
@@ -65,19 +67,17 @@ void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, con
                                                                       options);
     const auto look = [&](long sample, double time) {
       for (int l = 0; l < L && block * L + l < count; ++l) {
-        const auto tally = [&](const S& x) {
-          return std::lround(static_cast<double>(ScalarTraits<S>::lane(x, l)));
-        };
         observe(BatchSample<T, N>{index[static_cast<std::size_t>(l)], sample, time, lane(y, l),
-                                  tally(stepper.tally().impacts), tally(stepper.tally().overruns),
+                                  detail::count_lane(stepper.tally().impacts, l),
+                                  detail::count_lane(stepper.tally().overruns, l),
                                   detail::mask_lane(stepper.finite(), l)});
       }
     };
     look(0, 0);
-    for (long k = 0; k < total; ++k) {
-      stepper.step(y, as<S>(static_cast<double>(k) * step), as<S>(step));
-      if ((k + 1) % per_sample == 0 || k + 1 == total)
-        look((k + per_sample) / per_sample, static_cast<double>(k + 1) * step);
+    for (long k = 0; k < plan.parts(); ++k) {
+      const StepPlan::Part part = plan.part(k);
+      for (long j = 0; j < part.steps; ++j) stepper.step(y, as<S>(part.time(j)), as<S>(part.step));
+      look(k + 1, part.end);
     }
   });
 }

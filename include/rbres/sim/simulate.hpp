@@ -23,7 +23,8 @@ struct SimulationReport {
 };
 
 /// Takes a system's state forward, step by step: what simulate does, for a program that has its own loop.
-/// Allocates when it is built and never after.
+/// Allocates when it is built and never after. It remembers the forces of resting contacts, where the next
+/// step starts: a copy goes on to the same bits, and so does a stepper to which such a copy is assigned.
 template <class System, class Model, class Integrator>
 class Stepper {
   using S = typename System::Scalar;
@@ -31,16 +32,17 @@ class Stepper {
  public:
   using State = typename System::State;
 
-  /// Throws Error for options that make no sense. `system` must outlive the stepper.
+  /// Throws Error for options that make no sense. `system` must outlive the stepper and its copies.
   Stepper(const System& system, const Model& forces, const Integrator& integrator,
           const SimulationOptions& options)
-      : system_(system),
+      : system_(&system),
         forces_(forces),
         integrator_(integrator),
         options_(options),
         continuous_(system, options) {
     options.check();
   }
+  Stepper(System&&, const Model&, const Integrator&, const SimulationOptions&) = delete;
 
   /// y at t becomes y at t + h. Returns the first body that is no longer finite, or -1; then y is as it was
   /// in the lanes where it happened.
@@ -50,8 +52,8 @@ class Stepper {
     if (options_.contacts == ContactMode::continuous) {
       continuous_.step(forces_, integrator_, y, t, h, observer, tally_);
     } else {
-      fly_on(system_, forces_, integrator_, y, t, h);
-      detail::meet_all(system_, before, y, as<S>(options_.rest_speed), tally_);
+      fly_on(*system_, forces_, integrator_, y, t, h);
+      detail::meet_all(*system_, before, y, as<S>(options_.rest_speed), tally_);
     }
     return keep_finite(before, y);
   }
@@ -86,7 +88,7 @@ class Stepper {
     return (sum.x + sum.y) + (sum.z + q.x) + (q.y + q.z + q.w);
   }
 
-  const System& system_;
+  const System* system_;
   Model forces_;
   Integrator integrator_;
   SimulationOptions options_;
@@ -111,8 +113,10 @@ void check_state(const System& system, const typename System::State& y) {
       if (!is_finite(numbers(k)))
         detail::refuse(detail::text("body ", i, ", ", names[k]), "a finite number", numbers(k));
     }
-    const S length = std::sqrt(squared_norm(y[i].orientation));
-    if (!(std::abs(length - S(1)) < as<S>(1e-3))) {
+    using std::abs;
+    using std::sqrt;
+    const S length = sqrt(squared_norm(y[i].orientation));
+    if (!(abs(S(length - S(1))) < as<S>(1e-3))) {
       detail::refuse(detail::text("body ", i, ", orientation"), "a unit quaternion",
                      detail::text("one of length ", length));
     }
@@ -120,11 +124,11 @@ void check_state(const System& system, const typename System::State& y) {
   const auto check_pair = [&](int first, int second) {
     detail::with_manifold(system, y, first, second, [&](const auto& m, auto) {
       S size = system[second].bounding_radius();
-      if (first >= 0) size = std::min(size, system[first].bounding_radius());
+      if (first >= 0) size = minimum(size, system[first].bounding_radius());
       if (m.separation < as<S>(-1e-3) * size) {
         const auto other = first < 0 ? detail::text("plane ", -1 - first) : detail::text("body ", first);
         detail::refuse(detail::text("body ", second, " and ", other), "surfaces apart or touching",
-                       detail::text("an overlap of ", -m.separation, " m"));
+                       detail::text("an overlap of ", S(-m.separation), " m"));
       }
     });
   };
@@ -136,22 +140,18 @@ void check_state(const System& system, const typename System::State& y) {
 
 /// Simulates `state` over options.duration (s) and leaves it at the end. `observer` is callable as (time,
 /// state) and may return false to stop; it sees the start, every sample and the end, and changes no bit of
-/// the result: between samples lies a whole number of steps, of options.step or slightly less. It may also
-/// have impact(time, before, after), see ContinuousContact. Throws Error for options and states that make no
-/// sense.
+/// the result: see StepPlan. It may also have impact(time, before, after), see ContinuousContact. Throws
+/// Error for options and states that make no sense.
 template <class System, class Model, class Integrator, class Observer>
 SimulationReport simulate(const System& system, typename System::State& state, const Model& forces,
                           const Integrator& integrator, const SimulationOptions& options,
                           Observer&& observer) {
   using S = typename System::Scalar;
-  static_assert(std::is_floating_point_v<S>, "simulate runs one scenario; simulate_batch runs many in lanes");
+  static_assert(!Packed<S>, "simulate runs one scenario; simulate_batch runs many in lanes");
   Stepper<System, Model, Integrator> stepper(system, forces, integrator, options);
   check_state(system, state);
   SimulationReport report;
-  const double step = whole_step(options);
-  const long per_sample =
-      options.sample_rate > 0 ? std::max(1L, std::lround(1 / (options.sample_rate * step))) : 1;
-  const long total = std::lround(options.duration / step);
+  const StepPlan plan(options);
   const auto look = [&](double time) {
     if constexpr (std::is_invocable_r_v<bool, Observer&, double, const typename System::State&>) {
       return static_cast<bool>(observer(time, std::as_const(state)));
@@ -163,18 +163,21 @@ SimulationReport simulate(const System& system, typename System::State& state, c
     }
   };
   bool going = look(0.0);
-  for (; report.steps < total && going;) {
-    report.bad_body = stepper.step(state, S(static_cast<double>(report.steps) * step), S(step), observer);
+  for (long k = 0; k < plan.parts() && going && report.bad_body < 0; ++k) {
+    const StepPlan::Part part = plan.part(k);
+    for (long j = 0; j < part.steps && report.bad_body < 0; ++j) {
+      report.bad_body = stepper.step(state, as<S>(part.time(j)), as<S>(part.step), observer);
+      if (report.bad_body < 0) ++report.steps;
+      report.time = part.time(report.bad_body < 0 ? j + 1 : j);
+    }
     if (report.bad_body >= 0) {
       report.status = SimulationStatus::non_finite;
-      break;
+    } else {
+      report.time = part.end;
+      going = look(part.end);
     }
-    ++report.steps;
-    if (report.steps % per_sample == 0 || report.steps == total)
-      going = look(static_cast<double>(report.steps) * step);
   }
   if (!going) report.status = SimulationStatus::stopped;
-  report.time = static_cast<double>(report.steps) * step;
   report.impacts = stepper.tally().impacts;
   report.touching = stepper.tally().touching;
   report.overruns = stepper.tally().overruns;
