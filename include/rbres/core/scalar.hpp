@@ -116,7 +116,7 @@ struct Constants {
   /// Two surfaces touch when their gap is below this share of the smaller body's radius.
   static constexpr Real touch = std::is_same_v<Real, float> ? Real(2e-5) : Real(1e-8);
   /// Contacts are solved until no velocity is off by more than this share of speed_scale().
-  static constexpr Real solved = std::is_same_v<Real, float> ? Real(6e-6) : Real(1e-11);
+  static constexpr Real solved = std::is_same_v<Real, float> ? Real(6e-6) : Real(1e-12);
 };
 
 /// A plain number, or one that already is an S, as an S.

@@ -8,7 +8,7 @@ namespace rbres {
 /// What contacts add to the force model: nothing.
 struct NoPush {
   template <class S>
-  Wrench<S> operator()(const RigidState<S>&, int, const Wrench<S>& wrench) const {
+  Wrench<S> operator()(const RigidState<S>&, int, const S&, const Wrench<S>& wrench) const {
     return wrench;
   }
 };
@@ -24,7 +24,7 @@ bool has_equal_moments(const Body<S, Shape>& body) {
 }  // namespace detail
 
 /// Takes a system's state h seconds on, without impacts. Body by body where no force couples them.
-/// `push` (state, index, wrench) gives the wrench on a body together with what resting contacts add.
+/// `push` (state, index, time, wrench) gives the wrench on a body together with what resting contacts add.
 template <class System, class Model, class Integrator, class Push = NoPush>
 [[gnu::flatten]] void fly_on(const System& system, const Model& forces, const Integrator& integrator,
                              typename System::State& state, const typename System::Scalar& t,
@@ -41,7 +41,7 @@ template <class System, class Model, class Integrator, class Push = NoPush>
               RigidRate<S, Angular> rate;
               set_kinematics(rate, y);
               set_dynamics(rate, system[i], y,
-                           push(y, i, detail::local_wrench(forces, system[i], y, i, time)));
+                           push(y, i, time, detail::local_wrench(forces, system[i], y, i, time)));
               return rate;
             },
             state[i], t, h);
@@ -61,7 +61,8 @@ template <class System, class Model, class Integrator, class Push = NoPush>
           for (int i = 0; i < System::bodies; ++i) {
             auto& body = rate.body[static_cast<std::size_t>(i)];
             set_kinematics(body, y[i]);
-            set_dynamics(body, system[i], y[i], push(y[i], i, detail::wrench_on(forces, system, y, i, time)));
+            set_dynamics(body, system[i], y[i],
+                         push(y[i], i, time, detail::wrench_on(forces, system, y, i, time)));
           }
           return rate;
         },

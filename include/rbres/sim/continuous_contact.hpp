@@ -35,7 +35,8 @@ class ContinuousContact {
         impacts_(system, most_pairs(system)),
         islands_(most_pairs(system)),
         rows_(system),
-        memory_(rows_.capacity()) {
+        memory_(rows_.capacity()),
+        discrete_(system) {
     pairs_.reserve(most_pairs(system));
   }
 
@@ -81,12 +82,14 @@ class ContinuousContact {
       const bool resting = find_resting(running);
       if (resting && any(stop_approaches(y, motion, pull)))
         free = fly(*system_, forces, integrator, y, now, left);
-      std::array<Wrench<S>, N> contact;  // of the resting contacts; world frame, torque too
+      std::array<RestingForce, N> contact;
       if (resting) contact = resting_forces(y, motion, free, left, pull);
       const auto flown = [&](const S& time) {
-        const auto push = [&](const RigidState<S>& state, int i, const Wrench<S>& wrench) {
-          const Wrench<S>& c = contact[index(i)];
-          return wrench + Wrench<S>{c.force, rotate_back(state.orientation, c.torque)};
+        const auto push = [&](const RigidState<S>& state, int i, const S& at, const Wrench<S>& wrench) {
+          const RestingForce& c = contact[index(i)];
+          const Vec3<S> torque =
+              c.torque + (at - now) * c.drift + cross(y[i].position - state.position, c.force);
+          return wrench + Wrench<S>{c.force, rotate_back(state.orientation, torque)};
         };
         return resting ? fly(*system_, forces, integrator, y, now, time, push)
                        : fly(*system_, forces, integrator, y, now, time);
@@ -109,13 +112,21 @@ class ContinuousContact {
     if (any(over)) {
       tally.overruns += over;
       State end = fly(*system_, forces, integrator, y, now, left);
-      detail::meet_all(*system_, y, end, as<S>(options_.rest_speed), tally);
+      discrete_.resolve(y, end, as<S>(options_.rest_speed), tally);
       y = chosen(over, end, y);
     }
     last_ = y;
   }
 
  private:
+  /// What resting contacts do to a body over a part, world frame. Where they act moves with the lighter body,
+  /// at one velocity for both, so that angular momentum is kept while bodies slide past one another.
+  struct RestingForce {
+    Vec3<S> force;   ///< N
+    Vec3<S> torque;  ///< about the centre of mass where the part begins, N m
+    Vec3<S> drift;   ///< of the torque about that place, as the contacts move, N m/s
+  };
+
   static std::size_t most_pairs(const System& system) { return N * (N - 1) / 2 + N * system.planes().size(); }
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
   static State chosen(const MaskOf<S>& m, const State& a, const State& b) {
@@ -243,8 +254,8 @@ class ContinuousContact {
 
   /// The constant forces with which no resting point approaches when `left` is over. A point may come back as
   /// fast as it left: its gap over the time between is then none.
-  std::array<Wrench<S>, N> resting_forces(const State& y, Motions motion, const State& free, const S& left,
-                                          const S& pull) {
+  std::array<RestingForce, N> resting_forces(const State& y, Motions motion, const State& free, const S& left,
+                                             const S& pull) {
     for (int i = 0; i < N; ++i) {
       motion[index(i)].velocity = free[i].velocity;
       motion[index(i)].angular_velocity = free[i].angular_velocity_world();
@@ -254,6 +265,7 @@ class ContinuousContact {
     const S rate = S(1) / select(open, left, S(1));
     // Forces over the shortest parts are rounding, and not worth keeping.
     const S kept_rate = select(left * pull > as<S>(1e-4), rate, S(0));
+    std::array<RestingForce, N> contact{};
     memory_.start();
     for (std::size_t island = 0; island < islands_.count(); ++island) {
       take_up(island, motion, [&](const Pair& pair, std::size_t i) {
@@ -265,16 +277,28 @@ class ContinuousContact {
         point.add(impulse, first, second);
       });
       rows_.solve(motion, open);
-      rows_.each(motion, [&](auto& row, auto&, auto&, auto&) { memory_.keep(row, kept_rate, open); });
+      rows_.each(motion, [&](auto& row, auto& point, auto&, auto&) {
+        memory_.keep(row, kept_rate, open);
+        Vec3<S> force;
+        for (std::size_t d = 0; d < 3; ++d) force += (rate * row.impulse()[d]) * point.direction(d);
+        const auto second = index(row.who.second);
+        Vec3<S> along = y[row.who.second].velocity;
+        if (!row.plane()) {
+          const auto first = index(row.who.first);
+          const S &a = motion[first].inverse_mass, &b = motion[second].inverse_mass;
+          along = (S(1) / (a + b)) * (a * y[row.who.first].velocity + b * along);
+          contact[first].drift -= cross(along, force);
+        }
+        contact[second].drift += cross(along, force);
+      });
     }
     memory_.finish(open);
-    std::array<Wrench<S>, N> contact;
     for (int i = 0; i < N; ++i) {
       const Motion<S>&m = motion[index(i)], &b = before[index(i)];
       const Mat3<S> axes = rotation_matrix(y[i].orientation);
       const Vec3<S> spin = axes.transposed_times(m.angular_velocity - b.angular_velocity);
-      contact[index(i)] = {(rate * (*system_)[i].mass()) * (m.velocity - b.velocity),
-                           rate * (axes * scale((*system_)[i].inertia(), spin))};
+      contact[index(i)].force = (rate * (*system_)[i].mass()) * (m.velocity - b.velocity);
+      contact[index(i)].torque = rate * (axes * scale((*system_)[i].inertia(), spin));
     }
     return contact;
   }
@@ -320,6 +344,7 @@ class ContinuousContact {
   detail::Islands<N> islands_;
   detail::ContactRows<System> rows_;
   detail::ContactMemory<System> memory_;
+  detail::DiscreteContact<System> discrete_;  ///< for steps past their event cap
   std::vector<Pair> pairs_;
   State last_{};
 };

@@ -58,12 +58,13 @@ void restore_angular_momentum(const Vec3<S>& shift, const MaskOf<S>& moved, Moti
   }
 }
 
-/// One pair at the end of a step: impulse where it overlaps and approaches, and the overlap taken away along
-/// the normal, shared by inverse mass. What the step's forces alone can have given in two steps is rest, not
-/// approach.
+/// One pair at the end of a step, in the lanes `where`: impulse where it overlaps and approaches, and the
+/// overlap taken away along the normal, shared by inverse mass. What the step's forces alone can have given
+/// in two steps is rest, not approach.
 template <class System>
 void meet(const System& system, const typename System::State& before, typename System::State& y, int first,
-          int second, const typename System::Scalar& rest, ContactTally<typename System::Scalar>& tally) {
+          int second, const typename System::Scalar& rest, const MaskOf<typename System::Scalar>& where,
+          ContactTally<typename System::Scalar>& tally) {
   using S = typename System::Scalar;
   with_manifold(system, y, first, second, [&](auto manifold, auto is_plane) {
     constexpr bool fixed = decltype(is_plane)::value;
@@ -72,7 +73,7 @@ void meet(const System& system, const typename System::State& before, typename S
     MaskOf<S> overlaps(false);
     S depth(0);
     for (std::size_t i = 0; i < points; ++i) {
-      touching[i] = manifold.gap[i] < S(0);
+      touching[i] = where & (manifold.gap[i] < S(0));
       overlaps = overlaps | touching[i];
       depth = maximum(depth, S(-manifold.gap[i]));
     }
@@ -119,36 +120,104 @@ template <class System>
 [[gnu::noinline, gnu::flatten]] void meet_flat(const System& system, const typename System::State& before,
                                                typename System::State& y, int first, int second,
                                                const typename System::Scalar& rest,
+                                               const MaskOf<typename System::Scalar>& where,
                                                ContactTally<typename System::Scalar>& tally) {
-  meet(system, before, y, first, second, rest, tally);
+  meet(system, before, y, first, second, rest, where, tally);
 }
 
-/// All contacts at the end of a step from `before` to y, each pair once, planes first.
+/// All contacts at the end of a step from `before` to y, each pair once. Pairs that share a body are taken
+/// deepest first, lane by lane, so that no numbering of bodies and no neighbour in another lane matters.
 template <class System>
-void meet_all(const System& system, const typename System::State& before, typename System::State& y,
-              const typename System::Scalar& rest_speed, ContactTally<typename System::Scalar>& tally) {
-  const auto meet_pair = [&](int first, int second) {
-    if constexpr (std::is_floating_point_v<typename ScalarTraits<typename System::Scalar>::Value>) {
-      meet_flat(system, before, y, first, second, rest_speed, tally);
-    } else {
-      meet(system, before, y, first, second, rest_speed, tally);
+class DiscreteContact {
+  using S = typename System::Scalar;
+  using State = typename System::State;
+  static constexpr int N = System::bodies;
+
+ public:
+  explicit DiscreteContact(const System& system) : system_(&system) {
+    pairs_.reserve(N * (N - 1) / 2 + N * system.planes().size());
+  }
+
+  void resolve(const State& before, State& y, const S& rest_speed, ContactTally<S>& tally) {
+    find_pairs(y);
+    const auto meet_pair = [&](const Pair& pair, const MaskOf<S>& where) {
+      if constexpr (std::is_floating_point_v<typename ScalarTraits<S>::Value>) {
+        meet_flat(*system_, before, y, pair.first, pair.second, rest_speed, where, tally);
+      } else {
+        meet(*system_, before, y, pair.first, pair.second, rest_speed, where, tally);
+      }
+    };
+    if (!any(shared_)) {
+      for (const Pair& pair : pairs_) meet_pair(pair, MaskOf<S>(true));
+      return;
     }
-  };
-  const auto& planes = system.planes();
-  for (std::size_t p = 0; p < planes.size(); ++p) {
-    for (int i = 0; i < System::bodies; ++i) {
-      if (any(dot(planes[p].normal, y[i].position) - planes[p].offset < system[i].bounding_radius())) {
-        meet_pair(-1 - static_cast<int>(p), i);
+    for (Pair& pair : pairs_) {
+      with_manifold(*system_, y, pair.first, pair.second, [&](const auto& m, auto) {
+        pair.depth = S(0);
+        for (std::size_t i = 0; i < std::decay_t<decltype(m)>::points; ++i)
+          pair.depth = maximum(pair.depth, S(-m.gap[i]));
+      });
+      pair.open = MaskOf<S>(true);
+    }
+    // In each round every lane takes the deepest of the pairs that it has left.
+    for (std::size_t round = 0; round < pairs_.size(); ++round) {
+      S deepest(-1);
+      for (const Pair& pair : pairs_) deepest = select(pair.open, maximum(deepest, pair.depth), deepest);
+      MaskOf<S> free(true);
+      for (Pair& pair : pairs_) {
+        const MaskOf<S> turn = free & pair.open & (pair.depth >= deepest);
+        if (!any(turn)) continue;
+        free = free & !turn;
+        pair.open = pair.open & !turn;
+        meet_pair(pair, turn);
       }
     }
   }
-  for (int i = 0; i < System::bodies; ++i) {
-    for (int j = i + 1; j < System::bodies; ++j) {
-      const auto r = system[i].bounding_radius() + system[j].bounding_radius();
-      if (any(squared_norm(y[i].position - y[j].position) < r * r)) meet_pair(i, j);
+
+ private:
+  struct Pair {
+    int first, second;  ///< as in Candidate
+    S depth;            ///< at the end of the step, m
+    MaskOf<S> open;     ///< not yet taken
+  };
+
+  /// The pairs whose bounding balls overlap; and where two of them share a body.
+  void find_pairs(const State& y) {
+    const System& system = *system_;
+    std::array<MaskOf<S>, N> used;
+    used.fill(MaskOf<S>(false));
+    shared_ = MaskOf<S>(false);
+    pairs_.clear();
+    const auto add = [&](int first, int second, const MaskOf<S>& close) {
+      pairs_.push_back({first, second, S(0), close});
+      for (const int i : {first, second}) {
+        if (i < 0) continue;
+        MaskOf<S>& u = used[static_cast<std::size_t>(i)];
+        shared_ = shared_ | (u & close);
+        u = u | close;
+      }
+    };
+    const auto& planes = system.planes();
+    for (std::size_t p = 0; p < planes.size(); ++p) {
+      for (int i = 0; i < N; ++i) {
+        const MaskOf<S> close =
+            dot(planes[p].normal, y[i].position) - planes[p].offset < system[i].bounding_radius();
+        if (any(close)) add(-1 - static_cast<int>(p), i, close);
+      }
+    }
+    for (int i = 0; i < N; ++i) {
+      for (int j = i + 1; j < N; ++j) {
+        const S r = system[i].bounding_radius() + system[j].bounding_radius();
+        const MaskOf<S> close = squared_norm(y[i].position - y[j].position) < r * r;
+        if (any(close)) add(i, j, close);
+      }
     }
   }
-}
+
+  const System* system_;
+  std::vector<Pair> pairs_;
+  MaskOf<S> shared_{false};
+};
 
 }  // namespace detail
 }  // namespace rbres

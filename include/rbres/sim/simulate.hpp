@@ -39,7 +39,8 @@ class Stepper {
         forces_(forces),
         integrator_(integrator),
         options_(options),
-        continuous_(system, options) {
+        continuous_(system, options),
+        discrete_(system) {
     options.check();
   }
   Stepper(System&&, const Model&, const Integrator&, const SimulationOptions&) = delete;
@@ -53,7 +54,7 @@ class Stepper {
       continuous_.step(forces_, integrator_, y, t, h, observer, tally_);
     } else {
       fly_on(*system_, forces_, integrator_, y, t, h);
-      detail::meet_all(*system_, before, y, as<S>(options_.rest_speed), tally_);
+      discrete_.resolve(before, y, as<S>(options_.rest_speed), tally_);
     }
     return keep_finite(before, y);
   }
@@ -93,6 +94,7 @@ class Stepper {
   Integrator integrator_;
   SimulationOptions options_;
   ContinuousContact<System> continuous_;
+  detail::DiscreteContact<System> discrete_;
   ContactTally<S> tally_;
   MaskOf<S> finite_{true};
 };
