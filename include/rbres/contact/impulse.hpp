@@ -81,8 +81,11 @@ class ContactPoint {
   /// Brings the point towards its law, the others held: along the normal towards the speed `target`, or no
   /// impulse where it leaves faster; along the surface towards sticking where friction times the normal
   /// impulse suffices, else towards that much against the slip (the paper's equations 6 to 8, with the
-  /// impulse's sign such that bodies part). Only where `active`. Returns how far the velocity was off (m/s).
-  S relax(const S& target, const S& friction, const MaskOf<S>& active, Motion<S>& first, Motion<S>& second) {
+  /// impulse's sign such that bodies part). Only where `active`. A `rate` below 1 goes only that part of the
+  /// way along the surface, for points that would chase one another. Returns how far the velocity was off
+  /// (m/s).
+  S relax(const S& target, const S& friction, const MaskOf<S>& active, Motion<S>& first, Motion<S>& second,
+          const S& rate = S(1)) {
     using std::abs;
     const S off = relax_normal(target, active, first, second);
     const S& pushed = impulse_[0];
@@ -99,11 +102,11 @@ class ContactPoint {
     const S share = select(beyond, S(most * inverse_root(select(beyond, length2, S(1)))), S(1));
     const S pu = select(active, select(slides, S(share * slip_u), stick_u), impulse_[1]);
     const S pv = select(active, select(slides, S(share * slip_v), stick_v), impulse_[2]);
-    const S change_u = pu - impulse_[1], change_v = pv - impulse_[2];
+    const S change_u = rate * (pu - impulse_[1]), change_v = rate * (pv - impulse_[2]);
     push(1, change_u, first, second);
     push(2, change_v, first, second);
-    impulse_[1] = pu;
-    impulse_[2] = pv;
+    impulse_[1] += change_u;
+    impulse_[2] += change_v;
     return maximum(off, S(tangent_response_ * (abs(change_u) + abs(change_v))));
   }
 
