@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <rbres/body/system.hpp>
-#include <vector>
+#include <rbres/core/reserved.hpp>
 
 namespace rbres {
 
@@ -69,7 +69,7 @@ class BroadPhase {
 
  private:
   std::array<int, N> order_;
-  std::vector<Candidate> pairs_;
+  detail::Reserved<Candidate> pairs_;
 };
 
 }  // namespace rbres

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <rbres/contact/contact_rows.hpp>
-#include <vector>
+#include <rbres/core/reserved.hpp>
 
 namespace rbres::detail {
 
@@ -56,7 +56,7 @@ class ContactMemory {
       }
       std::sort(next_.begin(), next_.end(), by_key);
     }
-    std::swap(last_, next_);
+    last_.swap(next_);
   }
 
  private:
@@ -74,7 +74,7 @@ class ContactMemory {
     return at != last_.end() && at->key == key ? &*at : nullptr;
   }
 
-  std::vector<Entry> last_, next_;
+  Reserved<Entry> last_, next_;
 };
 
 }  // namespace rbres::detail

@@ -3,8 +3,8 @@
 #include <limits>
 #include <rbres/contact/contact_pair.hpp>
 #include <rbres/contact/island_newton.hpp>
+#include <rbres/core/reserved.hpp>
 #include <variant>
-#include <vector>
 
 namespace rbres::detail {
 
@@ -157,7 +157,7 @@ class ContactRows {
   }
 
   IslandNewton<System> newton_;
-  std::vector<Row> rows_;
+  Reserved<Row> rows_;
   S tolerance_{0};
 };
 

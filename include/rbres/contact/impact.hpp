@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <memory>
 #include <rbres/contact/impulse.hpp>
 
@@ -116,7 +117,7 @@ class PairImpact {
     using std::abs;
     friction_ = surface.friction;
     info_[i].value.active = touching;
-    if (!any(touching)) return touching;
+    if (P > 1 && !any(touching)) return touching;
     auto& point =
         *std::construct_at(&points_[i].value, manifold_.normal, manifold_.point[i], first_, second_);
     ImpactPoint<S>& row = info_[i].value;
@@ -157,9 +158,10 @@ class PairImpact {
  private:
   /// Gauss-Seidel. Returns the lanes in which points do not agree.
   MaskOf<S> sweep(bool friction, const S& coefficient, const MaskOf<S>& where) {
-    constexpr int sweeps = Central ? 1 : 200, calm = 50;
+    constexpr int sweeps = Central ? 1 : 1000, calm = 50;
     const S enough = S(32) * S(Constants<S>::epsilon) * fastest_;
-    MaskOf<S> working = where;
+    MaskOf<S> working = where, open(false);
+    S mark(std::numeric_limits<typename Constants<S>::Real>::max());
     for (int k = 0; k < sweeps && any(working); ++k) {
       S worst(0);
       const S rate = as<S>(k < calm ? 1.0 : 0.5);
@@ -169,8 +171,14 @@ class PairImpact {
                                         : point.relax_normal(row.target, active, first, second));
       });
       working = working & (worst > enough);
+      if (k % calm == calm - 1 && k > calm) {  // going round in a circle
+        const MaskOf<S> stuck = working & (worst > as<S>(0.5) * mark) & (worst > as<S>(1e3) * enough);
+        open = open | stuck;
+        working = working & !stuck;
+        mark = worst;
+      }
     }
-    return working;
+    return open;
   }
 
   const Manifold<S, P, Central>& manifold_;

@@ -2,6 +2,7 @@
 
 #include <rbres/contact/contact_rows.hpp>
 #include <rbres/contact/islands.hpp>
+#include <rbres/core/reserved.hpp>
 
 namespace rbres::detail {
 
@@ -28,7 +29,7 @@ class Impacts {
 
   /// Changes the velocities in `motion` until no touching pair approaches faster than its rest speed. `pairs`
   /// know where they touch. Returns the lanes in which there was an impact; `count` counts pairs.
-  MaskOf<S> resolve(std::vector<Pair>& pairs, Motions& motion, CountOf<S>& count) {
+  MaskOf<S> resolve(Reserved<Pair>& pairs, Motions& motion, CountOf<S>& count) {
     MaskOf<S> changed(false);
     for (int pass = 0; pass < passes; ++pass) {
       if (!find_hits(pairs, motion, pass == passes - 1)) break;
@@ -58,7 +59,7 @@ class Impacts {
   };
   struct IslandImpact {
     ContactRows<System>& rows;
-    std::vector<ImpactPoint<S>>& info;
+    Reserved<ImpactPoint<S>>& info;
     Motions& motion;
     S tolerance;
 
@@ -77,7 +78,7 @@ class Impacts {
   };
 
   /// Finds the pairs that have an impact, and their islands. False where there is none.
-  bool find_hits(const std::vector<Pair>& pairs, const Motions& motion, bool last) {
+  bool find_hits(const Reserved<Pair>& pairs, const Motions& motion, bool last) {
     hit_.resize(pairs.size());
     MaskOf<S> none(false), found(false);
     for (std::size_t k = 0; k < pairs.size(); ++k) {
@@ -115,21 +116,23 @@ class Impacts {
         used[std::size_t(i)] = used[std::size_t(i)] | hit_[k].joins;
       }
     }
-    // Lanes disagree about islands: they are solved as one, unless no lane has two pairs that share a body.
-    together_ = Packed<S> && any(shared);
-    islands_.group(together_);
+    // Lanes disagree about islands: those in which two pairs share a body solve all as one.
+    shared_ = shared;
+    islands_.group(Packed<S> && any(shared));
     return true;
   }
 
-  void resolve_island(std::span<const std::size_t> island, std::vector<Pair>& pairs, Motions& motion) {
+  void resolve_island(std::span<const std::size_t> island, Reserved<Pair>& pairs, Motions& motion) {
     using std::abs;
     MaskOf<S> hit(false);
     for (const std::size_t k : island) hit = hit | hit_[k].hit;
     if (!any(hit)) return;
-    if (island.size() == 1 || (Packed<S> && !together_)) {
-      for (const std::size_t k : island) resolve_alone(pairs[k], hit_[k], motion);
-      return;
+    MaskOf<S> together(island.size() > 1);
+    if constexpr (Packed<S>) together = together & shared_;
+    if (!all(together)) {
+      for (const std::size_t k : island) resolve_alone(pairs[k], hit_[k], !together, motion);
     }
+    if (!any(hit & together)) return;
     rows_.clear();
     info_.clear();
     S fastest(0);
@@ -137,16 +140,16 @@ class Impacts {
       const Pair& pair = pairs[k];
       const Hit& h = hit_[k];
       if (rows_.full()) {
-        resolve_alone(pairs[k], h, motion);
+        resolve_alone(pairs[k], h, together, motion);
         continue;
       }
       for (std::size_t i = 0; i < P; ++i) {
-        if (!any(pair.touching[i] & h.joins)) continue;
+        if (!any(pair.touching[i] & h.joins & together)) continue;
         ImpactPoint<S>& info = info_.emplace_back();
         const S speed = pair.opening(pair.manifold, i, motion);
         const MaskOf<S> slow = speed <= select(h.plastic, pair.rest_speed, S(0));
         const MaskOf<S> bounces = speed < -pair.rest_speed;
-        info.active = pair.touching[i] & h.joins & slow;
+        info.active = pair.touching[i] & h.joins & slow & together;
         info.approaches = speed <= S(0);
         info.target = select(bounces, S(-h.surface.restitution * speed), S(0));
         rows_.add(pair, i, info.active, info.target, h.surface.friction, motion);
@@ -160,12 +163,14 @@ class Impacts {
       }
     });
     impact.tolerance = S(64) * S(Constants<S>::epsilon) * fastest;
-    solve_impact<S>(impact, hit);
+    solve_impact<S>(impact, hit & together);
   }
 
-  static void resolve_alone(Pair& pair, const Hit& h, Motions& motion) {
+  static void resolve_alone(const Pair& pair, const Hit& h, const MaskOf<S>& where, Motions& motion) {
+    auto touching = pair.touching;
+    for (auto& t : touching) t = t & where;
     const auto resolve = [&](auto fixed) {
-      resolve_impact<decltype(fixed)::value>(pair.manifold, pair.touching, h.surface, pair.rest_speed,
+      resolve_impact<decltype(fixed)::value>(pair.manifold, touching, h.surface, pair.rest_speed,
                                              pair.rest_speed, pair.first(motion), pair.second(motion));
     };
     pair.plane() ? resolve(std::true_type{}) : resolve(std::false_type{});
@@ -174,9 +179,9 @@ class Impacts {
   std::array<S, N> answered_;  ///< impacts of each body in this step
   Islands<N> islands_;
   ContactRows<System> rows_;
-  std::vector<ImpactPoint<S>> info_;
-  std::vector<Hit> hit_;
-  bool together_ = false;
+  Reserved<ImpactPoint<S>> info_;
+  Reserved<Hit> hit_;
+  MaskOf<S> shared_{false};  ///< where two pairs that have an impact share a body
 };
 
 }  // namespace rbres::detail

@@ -6,8 +6,8 @@
 #include <cstddef>
 #include <limits>
 #include <rbres/contact/impulse.hpp>
+#include <rbres/core/reserved.hpp>
 #include <span>
-#include <vector>
 
 namespace rbres::detail {
 
@@ -62,7 +62,7 @@ class BlockProfile {
     }
   }
   /// Solves L L^T x = b in place.
-  void solve(std::vector<S>& b) const {
+  void solve(Reserved<S>& b) const {
     for (std::size_t i = 0; i < start_.size(); ++i) {
       const S* row = &numbers_[start_[i]];
       const std::size_t begin_i = begin(i);
@@ -81,8 +81,8 @@ class BlockProfile {
   std::size_t begin(std::size_t row) const { return 6 * first_[row / 6]; }
 
   std::size_t capacity_;
-  std::vector<std::size_t> first_, start_;
-  std::vector<S> numbers_;
+  Reserved<std::size_t> first_, start_;
+  Reserved<S> numbers_;
 };
 
 /// Solves the contact laws of one island: u_n >= target, complementary to p_n >= 0, and Coulomb's friction
@@ -426,13 +426,13 @@ class IslandNewton {
 
   S stiffness_, best_;  ///< rho times a point's response; the least fault so far, m/s
   std::array<std::size_t, N> place_;
-  std::vector<int> bodies_;
-  std::vector<std::size_t> first_;
-  std::vector<Inertia> inertia_;
-  std::vector<RowState> rows_;
+  Reserved<int> bodies_;
+  Reserved<std::size_t> first_;
+  Reserved<Inertia> inertia_;
+  Reserved<RowState> rows_;
   BlockProfile<S> matrix_;
-  std::vector<S> b_;      ///< right side, then the step of the bodies' velocities
-  std::vector<S> moved_;  ///< by the steps of this round
+  Reserved<S> b_;      ///< right side, then the step of the bodies' velocities
+  Reserved<S> moved_;  ///< by the steps of this round
 };
 
 }  // namespace rbres::detail

@@ -2,8 +2,8 @@
 
 #include <array>
 #include <cstddef>
+#include <rbres/core/reserved.hpp>
 #include <span>
-#include <vector>
 
 namespace rbres::detail {
 
@@ -68,8 +68,8 @@ class Islands {
     return i;
   }
 
-  std::vector<Pair> pairs_;
-  std::vector<std::size_t> order_;
+  Reserved<Pair> pairs_;
+  Reserved<std::size_t> order_;
   std::array<std::size_t, N> parent_, end_;
   std::size_t count_ = 0;
 };

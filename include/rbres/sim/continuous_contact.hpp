@@ -4,6 +4,7 @@
 #include <rbres/contact/contact_memory.hpp>
 #include <rbres/contact/impact_search.hpp>
 #include <rbres/contact/impacts.hpp>
+#include <rbres/core/reserved.hpp>
 #include <rbres/dynamics/free_flight.hpp>
 #include <rbres/sim/discrete_contact.hpp>
 #include <rbres/sim/options.hpp>
@@ -88,7 +89,7 @@ class ContinuousContact {
         const auto push = [&](const RigidState<S>& state, int i, const S& at, const Wrench<S>& wrench) {
           const RestingForce& c = contact[index(i)];
           const Vec3<S> torque =
-              c.torque + (at - now) * c.drift + cross(y[i].position - state.position, c.force);
+              c.torque + (at - now) * c.drift + cross(y[i].position - state.position, c.paired);
           return wrench + Wrench<S>{c.force, rotate_back(state.orientation, torque)};
         };
         return resting ? fly(*system_, forces, integrator, y, now, time, push)
@@ -119,12 +120,14 @@ class ContinuousContact {
   }
 
  private:
-  /// What resting contacts do to a body over a part, world frame. Where they act moves with the lighter body,
-  /// at one velocity for both, so that angular momentum is kept while bodies slide past one another.
+  /// What resting contacts do to a body over a part, world frame. Where two bodies touch moves with the
+  /// lighter one, at one velocity for both, so that angular momentum is kept while they slide past one
+  /// another.
   struct RestingForce {
     Vec3<S> force;   ///< N
     Vec3<S> torque;  ///< about the centre of mass where the part begins, N m
-    Vec3<S> drift;   ///< of the torque about that place, as the contacts move, N m/s
+    Vec3<S> paired;  ///< the share of the force that other bodies exert, N
+    Vec3<S> drift;   ///< of that share's torque about that place, as the contacts move, N m/s
   };
 
   static std::size_t most_pairs(const System& system) { return N * (N - 1) / 2 + N * system.planes().size(); }
@@ -281,15 +284,16 @@ class ContinuousContact {
         memory_.keep(row, kept_rate, open);
         Vec3<S> force;
         for (std::size_t d = 0; d < 3; ++d) force += (rate * row.impulse()[d]) * point.direction(d);
-        const auto second = index(row.who.second);
-        Vec3<S> along = y[row.who.second].velocity;
-        if (!row.plane()) {
-          const auto first = index(row.who.first);
-          const S &a = motion[first].inverse_mass, &b = motion[second].inverse_mass;
-          along = (S(1) / (a + b)) * (a * y[row.who.first].velocity + b * along);
-          contact[first].drift -= cross(along, force);
-        }
-        contact[second].drift += cross(along, force);
+        if (row.plane()) return;
+        const auto first = index(row.who.first), second = index(row.who.second);
+        const S &a = motion[first].inverse_mass, &b = motion[second].inverse_mass;
+        const Vec3<S> along =
+            (S(1) / (a + b)) * (a * y[row.who.first].velocity + b * y[row.who.second].velocity);
+        const Vec3<S> drift = cross(along, force);
+        contact[second].paired += force;
+        contact[second].drift += drift;
+        contact[first].paired -= force;
+        contact[first].drift -= drift;
       });
     }
     memory_.finish(open);
@@ -345,7 +349,7 @@ class ContinuousContact {
   detail::ContactRows<System> rows_;
   detail::ContactMemory<System> memory_;
   detail::DiscreteContact<System> discrete_;  ///< for steps past their event cap
-  std::vector<Pair> pairs_;
+  detail::Reserved<Pair> pairs_;
   State last_{};
 };
 

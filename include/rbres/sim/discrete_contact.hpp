@@ -1,6 +1,7 @@
 #pragma once
 
 #include <rbres/contact/contact_pair.hpp>
+#include <rbres/core/reserved.hpp>
 
 namespace rbres {
 
@@ -215,7 +216,7 @@ class DiscreteContact {
   }
 
   const System* system_;
-  std::vector<Pair> pairs_;
+  Reserved<Pair> pairs_;
   MaskOf<S> shared_{false};
 };
 

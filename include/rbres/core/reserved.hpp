@@ -1,0 +1,24 @@
+#pragma once
+
+#include <vector>
+
+namespace rbres::detail {
+
+/// A vector that is given its capacity once, and whose copies have it too: what is filled in a loop that must
+/// not allocate.
+template <class T>
+class Reserved : public std::vector<T> {
+  using Base = std::vector<T>;
+
+ public:
+  Reserved() = default;
+  Reserved(const Reserved& other) { *this = other; }
+  Reserved& operator=(const Reserved& other) {
+    if (this == &other) return *this;
+    Base::reserve(other.capacity());
+    Base::operator=(other);
+    return *this;
+  }
+};
+
+}  // namespace rbres::detail
