@@ -1,6 +1,5 @@
 #pragma once
 
-#include <limits>
 #include <memory>
 #include <rbres/contact/impulse.hpp>
 
@@ -138,49 +137,25 @@ class PairImpact {
       if (any(info_[i].value.active)) f(info_[i].value, points_[i].value, first_, second_);
     }
   }
-  /// Where points chase one another with their friction, so that sweeps in another order would end elsewhere,
-  /// friction is lowered until they agree: Coulomb's law with restitution need not have one solution.
+  /// Gauss-Seidel over the points.
   void solve(bool friction, const MaskOf<S>& where) {
-    S coefficient = friction ? friction_ : S(0);
-    MaskOf<S> open = where;
-    for (int attempt = 0;; ++attempt) {
-      open = sweep(friction, coefficient, open);
-      if (Central || !friction || attempt == 8 || !any(open)) return;
-      each([&](ImpactPoint<S>&, auto& point, auto& first, auto& second) {
-        std::array<S, 3> back;
-        for (std::size_t d = 0; d < 3; ++d) back[d] = select(open, S(-point.impulse()[d]), S(0));
-        point.add(back, first, second);
+    constexpr int sweeps = Central ? 1 : 400, calm = 50;
+    const S enough = S(16) * S(Constants<S>::epsilon) * fastest_;
+    MaskOf<S> working = where;
+    for (int k = 0; k < sweeps && any(working); ++k) {
+      S worst(0);
+      // Points that chase one another with their friction agree sooner when they go slower.
+      const S rate = as<S>(k < calm ? 1.0 : 0.5);
+      each([&](ImpactPoint<S>& row, auto& point, auto& first, auto& second) {
+        const MaskOf<S> active = row.active & working;
+        worst = maximum(worst, friction ? point.relax(row.target, friction_, active, first, second, rate)
+                                        : point.relax_normal(row.target, active, first, second));
       });
-      coefficient = as<S>(0.7) * coefficient;
+      working = working & (worst > enough);
     }
   }
 
  private:
-  /// Gauss-Seidel. Returns the lanes in which points do not agree.
-  MaskOf<S> sweep(bool friction, const S& coefficient, const MaskOf<S>& where) {
-    constexpr int sweeps = Central ? 1 : 1000, calm = 50;
-    const S enough = S(32) * S(Constants<S>::epsilon) * fastest_;
-    MaskOf<S> working = where, open(false);
-    S mark(std::numeric_limits<typename Constants<S>::Real>::max());
-    for (int k = 0; k < sweeps && any(working); ++k) {
-      S worst(0);
-      const S rate = as<S>(k < calm ? 1.0 : 0.5);
-      each([&](ImpactPoint<S>& row, auto& point, auto& first, auto& second) {
-        const MaskOf<S> active = row.active & working;
-        worst = maximum(worst, friction ? point.relax(row.target, coefficient, active, first, second, rate)
-                                        : point.relax_normal(row.target, active, first, second));
-      });
-      working = working & (worst > enough);
-      if (k % calm == calm - 1 && k > calm) {  // going round in a circle
-        const MaskOf<S> stuck = working & (worst > as<S>(0.5) * mark) & (worst > as<S>(1e3) * enough);
-        open = open | stuck;
-        working = working & !stuck;
-        mark = worst;
-      }
-    }
-    return open;
-  }
-
   const Manifold<S, P, Central>& manifold_;
   Motion<S>& first_;
   Motion<S>& second_;

@@ -116,9 +116,10 @@ class Impacts {
         used[std::size_t(i)] = used[std::size_t(i)] | hit_[k].joins;
       }
     }
-    // Lanes disagree about islands: those in which two pairs share a body solve all as one.
+    // Lanes disagree about islands: they solve all as one. Balls that share none need no more than their
+    // closed form.
     shared_ = shared;
-    islands_.group(Packed<S> && any(shared));
+    islands_.group(Packed<S> && (!Pair::central || any(shared)));
     return true;
   }
 
@@ -127,10 +128,12 @@ class Impacts {
     MaskOf<S> hit(false);
     for (const std::size_t k : island) hit = hit | hit_[k].hit;
     if (!any(hit)) return;
-    MaskOf<S> together(island.size() > 1);
-    if constexpr (Packed<S>) together = together & shared_;
-    if (!all(together)) {
-      for (const std::size_t k : island) resolve_alone(pairs[k], hit_[k], !together, motion);
+    MaskOf<S> together(true);
+    if constexpr (Pair::central) {
+      together = Packed<S> ? shared_ : MaskOf<S>(island.size() > 1);
+      if (!all(together)) {
+        for (const std::size_t k : island) resolve_alone(pairs[k], hit_[k], !together, motion);
+      }
     }
     if (!any(hit & together)) return;
     rows_.clear();
