@@ -63,7 +63,8 @@ class ContactRows {
       row.at.template emplace<FreePoint>(normal, point, motion[static_cast<std::size_t>(pair.who.first)],
                                          second);
     }
-    tolerance_ = minimum(tolerance_, S(as<S>(Constants<S>::solved) * pair.speed_scale));
+    const S tolerance = as<S>(Constants<S>::solved) * pair.speed_scale;
+    tolerance_ = select(active, minimum(tolerance_, tolerance), tolerance_);
     return row;
   }
 
@@ -111,9 +112,9 @@ class ContactRows {
                                             : point.relax_normal(row.target, active, a, b));
           });
         }
-        if (!any(working & (worst > tolerance))) return open;
+        working = working & (worst > tolerance);
+        if (!any(working)) return open;
       }
-      working = working & (worst > tolerance);
       // Points whose targets do not agree push against one another for ever: what is left then stays.
       if (round % patience == 0) {
         const MaskOf<S> better = worst < as<S>(0.8) * mark;

@@ -31,6 +31,7 @@ class Impacts {
   /// know where they touch. Returns the lanes in which there was an impact; `count` counts pairs.
   MaskOf<S> resolve(Reserved<Pair>& pairs, Motions& motion, CountOf<S>& count) {
     MaskOf<S> changed(false);
+    changed_.fill(changed);
     for (int pass = 0; pass < passes; ++pass) {
       if (!find_hits(pairs, motion, pass == passes - 1)) break;
       for (std::size_t k = 0; k < pairs.size(); ++k) {
@@ -46,6 +47,9 @@ class Impacts {
     }
     return changed;
   }
+
+  /// Where the last call changed body i's velocities.
+  const MaskOf<S>& changed(int i) const { return changed_[static_cast<std::size_t>(i)]; }
 
  private:
   /// A body that was hit so often in one step goes on without bounce: bounces that would have no end end.
@@ -128,6 +132,11 @@ class Impacts {
     MaskOf<S> hit(false);
     for (const std::size_t k : island) hit = hit | hit_[k].hit;
     if (!any(hit)) return;
+    for (const std::size_t k : island) {
+      for (const int i : {pairs[k].who.first, pairs[k].who.second}) {
+        if (i >= 0) changed_[std::size_t(i)] = changed_[std::size_t(i)] | (hit_[k].joins & hit);
+      }
+    }
     MaskOf<S> together(true);
     if constexpr (Pair::central) {
       together = Packed<S> ? shared_ : MaskOf<S>(island.size() > 1);
@@ -180,6 +189,7 @@ class Impacts {
   }
 
   std::array<S, N> answered_;  ///< impacts of each body in this step
+  std::array<MaskOf<S>, N> changed_;
   Islands<N> islands_;
   ContactRows<System> rows_;
   Reserved<ImpactPoint<S>> info_;

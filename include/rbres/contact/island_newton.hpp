@@ -200,13 +200,21 @@ class IslandNewton {
     return abs(x);
   }
 
-  /// Gives each body a place, in the order in which the rows name them, and the matrix its profile.
+  /// Gives each body a place, in the order in which the rows name them, and the matrix its profile. False
+  /// where it would be too large.
   template <class Rows, class Motions>
   bool number_bodies(Rows& rows, Motions& motion) {
     bodies_.clear();
     first_.clear();
     rows_.clear();
     place_.fill(N);
+    if constexpr (Packed<S>) {  // the same places, whatever touches in other lanes
+      for (std::size_t i = 0; i < N; ++i) {
+        place_[i] = i;
+        bodies_.push_back(static_cast<int>(i));
+        first_.push_back(0);
+      }
+    }
     const auto place = [&](int body) {
       std::size_t& at = place_[static_cast<std::size_t>(body)];
       if (at == N) {

@@ -71,7 +71,8 @@ class ContinuousContact {
         const MaskOf<S> hit = impacts_.resolve(pairs_, motion, tally.impacts);
         if (any(hit)) {
           const State before = y;
-          set_velocities(y, motion, hit);
+          for (int i = 0; i < N; ++i)
+            detail::set_velocities_where(impacts_.changed(i), y[i], motion[index(i)]);
           if constexpr (requires { observer.impact(now, before, y); })
             observer.impact(now, before, std::as_const(y));
           answered = true;
@@ -142,10 +143,6 @@ class ContinuousContact {
     for (int i = 0; i < N; ++i) m[index(i)] = motion_of((*system_)[i], y[i]);
     return m;
   }
-  static void set_velocities(State& y, const Motions& motion, const MaskOf<S>& where) {
-    for (int i = 0; i < N; ++i) detail::set_velocities_where(where, y[i], motion[index(i)]);
-  }
-
   /// A state that did not come out of the last step owes nothing to it.
   void continue_from(const State& y) {
     MaskOf<S> same(true);
@@ -195,6 +192,7 @@ class ContinuousContact {
   /// there are none.
   bool find_resting(const MaskOf<S>& running) {
     islands_.clear();
+    rests_.fill(MaskOf<S>(false));
     bool found = false;
     for (std::size_t k = 0; k < pairs_.size(); ++k) {
       Pair& pair = pairs_[k];
@@ -208,6 +206,9 @@ class ContinuousContact {
       }
       if (!any(pair.any_resting)) continue;
       found = true;
+      for (const int body : {pair.who.first, pair.who.second}) {
+        if (body >= 0) rests_[index(body)] = rests_[index(body)] | pair.any_resting;
+      }
       islands_.add(k, pair.who.first, pair.who.second);
     }
     if (found) islands_.group(Packed<S>);
@@ -248,7 +249,8 @@ class ContinuousContact {
       rows_.solve(motion, slow);
     }
     if (!any(stopped)) return stopped;
-    set_velocities(y, motion, stopped);
+    for (int i = 0; i < N; ++i)
+      detail::set_velocities_where(stopped & rests_[index(i)], y[i], motion[index(i)]);
     for (Pair& pair : pairs_) {
       for (std::size_t i = 0; i < P; ++i) pair.speed[i] = pair.opening(pair.manifold, i, motion);
     }
@@ -298,6 +300,7 @@ class ContinuousContact {
     }
     memory_.finish(open);
     for (int i = 0; i < N; ++i) {
+      if (!any(rests_[index(i)])) continue;
       const Motion<S>&m = motion[index(i)], &b = before[index(i)];
       const Mat3<S> axes = rotation_matrix(y[i].orientation);
       const Vec3<S> spin = axes.transposed_times(m.angular_velocity - b.angular_velocity);
@@ -324,7 +327,7 @@ class ContinuousContact {
               [&](const Pair& pair, std::size_t i) { return S(-pull * pair.manifold.gap[i]); });
       rows_.solve(motion, MaskOf<S>(true));
     }
-    for (int i = 0; i < N; ++i) rbres::set_velocities(end[i], motion[index(i)]);
+    for (int i = 0; i < N; ++i) detail::set_velocities_where(rests_[index(i)], end[i], motion[index(i)]);
   }
 
   /// When the first pair touches that does not rest.
@@ -350,6 +353,7 @@ class ContinuousContact {
   detail::ContactMemory<System> memory_;
   detail::DiscreteContact<System> discrete_;  ///< for steps past their event cap
   detail::Reserved<Pair> pairs_;
+  std::array<MaskOf<S>, N> rests_;  ///< which bodies have a resting contact
   State last_{};
 };
 
