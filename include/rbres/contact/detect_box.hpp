@@ -35,8 +35,9 @@ Manifold<S, 1> detect_box_ball(const Box<S>& box, const Pose<S>& pose, const Vec
   const MaskOf<S> outside = squared > S(Constants<S>::tiny);
 
   const Vec3<S> depth = h - absolute(p);
-  const MaskOf<S> x_least = (depth.x <= depth.y) & (depth.x <= depth.z),
-                  y_least = (!x_least) & (depth.y <= depth.z);
+  const MaskOf<S> x_below_y = depth.x <= depth.y, x_below_z = depth.x <= depth.z,
+                  y_below_z = depth.y <= depth.z;
+  const MaskOf<S> x_least = x_below_y & x_below_z, y_least = (!x_least) & y_below_z;
   const Vec3<S> sign{select(p.x < S(0), S(-1), S(1)), select(p.y < S(0), S(-1), S(1)),
                      select(p.z < S(0), S(-1), S(1))};
   const Vec3<S> inner = select(x_least, Vec3<S>{sign.x, S(0), S(0)},
@@ -79,7 +80,8 @@ Manifold<S, 3> detect(const Capsule<S>& a, const Pose<S>& pa, const Box<S>& b, c
   S slope_low = slope(low), slope_high = slope(high);
   const auto narrow = [&](const S& kink) {
     const S k = clamp(kink, S(-a.half_length), a.half_length), at = slope(k);
-    const MaskOf<S> up = (at <= S(0)) & (k > low), down = (at > S(0)) & (k < high);
+    const MaskOf<S> falls = at <= S(0), rises = at > S(0), past_low = k > low, before_high = k < high;
+    const MaskOf<S> up = falls & past_low, down = rises & before_high;
     low = select(up, k, low);
     slope_low = select(up, at, slope_low);
     high = select(down, k, high);

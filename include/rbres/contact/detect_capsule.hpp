@@ -33,7 +33,8 @@ Manifold<S, 2> detect(const Capsule<S>& a, const Pose<S>& pa, const Capsule<S>& 
   const S sine2 = S(1) - square(cosine);
   const S low = maximum(S(-a.half_length), S(-c - b.half_length * abs(cosine)));
   const S high = minimum(a.half_length, S(-c + b.half_length * abs(cosine)));
-  const MaskOf<S> parallel = (sine2 < as<S>(1e-4)) & (high > low);
+  const MaskOf<S> aligned = sine2<as<S>(1e-4), overlap = high> low;
+  const MaskOf<S> parallel = aligned & overlap;
 
   S s = clamp(S((cosine * f - c) / maximum(sine2, as<S>(1e-6))), S(-a.half_length), a.half_length);
   const S t = clamp(S(cosine * s + f), S(-b.half_length), b.half_length);

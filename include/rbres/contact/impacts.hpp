@@ -116,8 +116,10 @@ class Impacts {
       islands_.add(k, pairs[k].who.first, pairs[k].who.second);
       for (const int i : {pairs[k].who.first, pairs[k].who.second}) {
         if (i < 0) continue;
-        shared = shared | (used[std::size_t(i)] & hit_[k].joins);
-        used[std::size_t(i)] = used[std::size_t(i)] | hit_[k].joins;
+        MaskOf<S>& u = used[std::size_t(i)];
+        const MaskOf<S>& joins = hit_[k].joins;
+        shared = shared | (u & joins);
+        u = u | joins;
       }
     }
     // Lanes disagree about islands: they solve all as one. Balls that share none need no more than their

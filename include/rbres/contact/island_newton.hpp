@@ -349,7 +349,8 @@ class IslandNewton {
     };
     push(r.second, r.on_second);
     if (r.first != N) push(r.first, r.on_first);
-    if (!any((r.slope[0][0] > S(0)) | (r.slope[1][1] + r.slope[2][2] > S(0)))) return;
+    const MaskOf<S> pushes = r.slope[0][0] > S(0), rubs = r.slope[1][1] + r.slope[2][2] > S(0);
+    if (!any(pushes | rubs)) return;
     block(r.second, r.on_second, r.second, r.on_second);
     if (r.first == N) return;
     block(r.first, r.on_first, r.first, r.on_first);

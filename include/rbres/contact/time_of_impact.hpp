@@ -77,13 +77,15 @@ S time_of_impact(const Approach<S>& pair, const MaskOf<S>& search, const Gap& ga
   const S close = S(4) * S(Constants<S>::epsilon) * pair.size;
   MaskOf<S> working = found;
   // A pair that starts in touch and leaves has a root at the start, too, which is none: halve until past it.
-  MaskOf<S> anchored = (a > S(0)) | (gap_a > pair.touch);
+  const MaskOf<S> later = a > S(0), apart_at_start = gap_a > pair.touch;
+  MaskOf<S> anchored = later | apart_at_start;
   S root = b;
   MaskOf<S> kept_a(false), kept_b(false);  // which end stayed last time
   for (int i = 0; i < 60 && any(working); ++i) {
     const S width = b - a, fall = gap_a - gap_b;
     const S secant = a + gap_a * width / select(fall > S(0), fall, S(1));
-    const S t = select(anchored & (secant > a) & (secant < b), secant, S(a + S(0.5) * width));
+    const MaskOf<S> past_a = secant > a, before_b = secant < b;
+    const S t = select(anchored & past_a & before_b, secant, S(a + S(0.5) * width));
     const S g = gap(t);
     root = select(working, t, root);
     // An end that stays twice has its gap halved, so that both ends close in.
@@ -95,7 +97,8 @@ S time_of_impact(const Approach<S>& pair, const MaskOf<S>& search, const Gap& ga
     b = select(above, b, t);
     kept_b = above;
     kept_a = !above;
-    working = working & (abs(g) > close) & (width > S(Constants<S>::epsilon) * b);
+    const MaskOf<S> off = abs(g) > close, wide = width > S(Constants<S>::epsilon) * b;
+    working = working & off & wide;
   }
   return select(found, root, apart);
 }
