@@ -1,0 +1,268 @@
+#pragma once
+
+#include "worlds.hpp"
+
+namespace validate {
+
+/// What goes wrong with the forces on one body, in one lane, from some time on.
+struct Fault {
+  enum Kind {
+    none,
+    force,        ///< this force downwards, N
+    torque,       ///< this torque about every axis, N m
+    late_torque,  ///< the same in the last tenth of each step alone
+    spring,       ///< a spring to the origin of this stiffness per mass, 1/s^2
+    cubic,        ///< a force along v of this times |v|^2 v, N
+    spin,         ///< a torque of this times I w, N m
+  } kind = none;
+  double size = 0;
+  double time = 0;  ///< s
+  int index = 0, lane = 0;
+  double step = 1;  ///< of the run, s
+};
+
+/// What the bodies of a run feel: a uniform pull, and what is meant to go wrong. Counts how often it is
+/// asked.
+struct Loads {
+  Vector gravity{0, 0, 0};
+  long* asked = nullptr;
+  Fault fault{};
+
+  template <class S, class Shape>
+  Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>& y, int index, const S& time) const {
+    if (asked != nullptr) ++*asked;
+    const Vec3<S> g{as<S>(gravity.x), as<S>(gravity.y), as<S>(gravity.z)};
+    Wrench<S> wrench{body.mass() * g, {}};
+    const double now = static_cast<double>(ScalarTraits<S>::lane(time, fault.lane));
+    if (fault.kind == Fault::none || index != fault.index || now < fault.time) return wrench;
+    S size(0);
+    ScalarTraits<S>::set_lane(size, fault.lane, static_cast<typename ScalarTraits<S>::Value>(fault.size));
+    switch (fault.kind) {
+      case Fault::force:
+        wrench.force.z -= size;
+        break;
+      case Fault::late_torque:
+        if (now / fault.step - std::floor(now / fault.step) < 0.9) break;
+        [[fallthrough]];
+      case Fault::torque:
+        wrench.torque += Vec3<S>{size, size, size};
+        break;
+      case Fault::spring:
+        wrench.force -= (size * body.mass()) * y.position;
+        break;
+      case Fault::cubic:
+        wrench.force += (size * squared_norm(y.velocity)) * y.velocity;
+        break;
+      case Fault::spin:
+        wrench.torque += size * scale(body.inertia(), y.angular_velocity);
+        break;
+      case Fault::none:
+        break;
+    }
+    return wrench;
+  }
+};
+
+/// What a run did to energy and momentum beyond what its integrator does to them where nothing is met, and
+/// what else must stay small.
+struct Balance {
+  double impact_rise = 0;   ///< of the energy, the largest in one impact, over the scale of the run's energy
+  double rise = 0;          ///< of the energy above the least so far, over the same
+  double linear = 0;        ///< change of the momentum, over its scale
+  double angular = 0;       ///< change of the angular momentum, over its scale
+  double linear_along = 0;  ///< change of the momentum along the edge of the first two planes, over its scale
+  double overlap = 0;       ///< the deepest at the end of a step, over the smaller body's bounding radius
+  double work = 0;          ///< evaluations of the forces, over those of free motion
+  long impacts = 0, impacts_in_step = 0;
+};
+
+/// Watches one run in double precision, whatever its scalar.
+template <class Shape>
+class Watch {
+ public:
+  Watch(const World<Shape>& system, const Vector& gravity, double step, const States& start)
+      : system_(system), gravity_(gravity), step_(step), start_(system, start, gravity), last_(start_) {
+    for (int i = 0; i < bodies; ++i) {
+      const auto& body = system[i];
+      const double p = norm(linear_momentum(body, start[i])), r = body.bounding_radius();
+      energy_scale_ += kinetic_energy(body, start[i]) + body.mass() * norm(gravity) * r;
+      linear_scale_ += p + body.mass() * std::sqrt(norm(gravity) * r);
+      angular_scale_ += p * (r + norm(start[i].position)) + norm(spin_angular_momentum(body, start[i]));
+    }
+    if (!system.planes().empty()) edge_ = cross(system.planes()[0].normal, system.planes()[1].normal);
+    free_ = free_change(start);
+  }
+
+  void impact(const States& before, const States& after) {
+    const double rise = energy(system_, after, gravity_) - energy(system_, before, gravity_);
+    balance.impact_rise = std::max(balance.impact_rise, rise / energy_scale_);
+  }
+  /// The state at the end of a step.
+  void step(const States& y) {
+    const Sums now(system_, y, gravity_), free = free_change(y);
+    // From either end of the step: an impact in it may have changed how fast a body turns.
+    spent_.energy += std::max(free_.energy, free.energy);
+    spent_.turn += std::max(free_.turn, free.turn);
+    free_ = free;
+    least_ = std::min(least_, now.energy - start_.energy - spent_.energy);
+    const auto worst = [](double& value, double next) { value = next <= value ? value : next; };
+    worst(balance.rise, (now.energy - start_.energy - spent_.energy - least_) / energy_scale_);
+    worst(balance.linear, norm(now.linear - start_.linear) / linear_scale_);
+    worst(balance.linear_along, std::abs(dot(now.linear - start_.linear, edge_)) / linear_scale_);
+    worst(balance.angular, (norm(now.angular - start_.angular) - spent_.turn) / angular_scale_);
+    worst(balance.overlap, overlap(system_, y));
+    last_ = now;
+  }
+
+  Balance balance;
+
+ private:
+  struct Sums {
+    double energy = 0, turn = 0;
+    Vector linear, angular;
+    Sums() = default;
+    Sums(const World<Shape>& system, const States& y, const Vector& gravity)
+        : energy(rbres::energy(system, y, gravity)),
+          linear(linear_momentum(system, y)),
+          angular(angular_momentum(system, y)) {}
+  };
+  /// What a step changes in free motion: the integrator's own error.
+  Sums free_change(const States& y) const {
+    const auto next = fly(system_, Loads{gravity_}, Rk4{}, y, 0.0, step_);
+    const Sums a(system_, y, gravity_), b(system_, next, gravity_);
+    Sums change;
+    change.energy = std::abs(b.energy - a.energy);
+    change.turn = norm(b.angular - a.angular);
+    return change;
+  }
+
+  const World<Shape>& system_;
+  Vector gravity_, edge_;
+  double step_, least_ = 0, energy_scale_ = 0, linear_scale_ = 0, angular_scale_ = 0;
+  Sums start_, last_, spent_, free_;
+};
+
+template <class T>
+States in_double(const SystemState<T, bodies>& y) {
+  States out;
+  for (int k = 0; k < y.size; ++k) (&out[0].position.x)[k] = static_cast<double>((&y[0].position.x)[k]);
+  return out;
+}
+template <class T>
+SystemState<T, bodies> from_double(const States& y) {
+  SystemState<T, bodies> out;
+  for (int k = 0; k < y.size; ++k) (&out[0].position.x)[k] = static_cast<T>((&y[0].position.x)[k]);
+  return out;
+}
+
+/// Hears of impacts for a Watch, or for nobody.
+template <class T, class Shape>
+struct Ear {
+  Watch<Shape>* watch = nullptr;
+  std::function<void(double, const SystemState<T, bodies>&)> look;
+
+  void operator()(double time, const SystemState<T, bodies>& y) {
+    if (look) look(time, y);
+  }
+  void impact(double, const SystemState<T, bodies>& before, const SystemState<T, bodies>& after) {
+    if (watch != nullptr) watch->impact(in_double(before), in_double(after));
+  }
+};
+
+/// A stepper of a world in scalar S that draws the starts of its lanes from doubles.
+template <class S, class Shape>
+class Runner {
+  using T = typename ScalarTraits<S>::Value;
+  using Plain = decltype(std::declval<World<Shape>>().template cast<T>());
+  using Wide = decltype(std::declval<World<Shape>>().template cast<S>());
+
+ public:
+  static constexpr std::size_t lanes = ScalarTraits<S>::lanes;
+
+  Runner(const World<Shape>& system, const Vector& gravity, double step, ContactMode mode,
+         const Fault& fault = {})
+      : plain_(system.template cast<T>()),
+        exact_(plain_.template cast<double>()),
+        wide_(plain_.template cast<S>()),
+        step_(step),
+        stepper_(wide_, Loads{gravity, &asked_, fault}, Rk4{},
+                 SimulationOptions{.step = step, .contacts = mode}) {}
+  Runner(const Runner&) = delete;
+  Runner& operator=(const Runner&) = delete;
+
+  /// The system with its numbers as S holds them.
+  const World<Shape>& exact() const { return exact_; }
+  void start(std::size_t lane, const States& y) { set_lane(y_, static_cast<int>(lane), from_double<T>(y)); }
+  States state(std::size_t lane) const { return in_double(rbres::lane(y_, static_cast<int>(lane))); }
+  void advance(Ear<T, Shape>& ear) {
+    stepper_.step(y_, as<S>(static_cast<double>(done_) * step_), as<S>(step_), ear);
+    ++done_;
+  }
+  void advance(long steps) {
+    Ear<T, Shape> nobody;
+    for (long k = 0; k < steps; ++k) advance(nobody);
+  }
+  long impacts(std::size_t lane) const {
+    return std::lround(
+        static_cast<double>(ScalarTraits<S>::lane(stepper_.tally().impacts, static_cast<int>(lane))));
+  }
+  bool finite(std::size_t lane) const { return holds(stepper_.finite(), lane); }
+  long overruns(std::size_t lane) const {
+    return std::lround(
+        static_cast<double>(ScalarTraits<S>::lane(stepper_.tally().overruns, static_cast<int>(lane))));
+  }
+  /// Evaluations of the forces so far, over those of free motion.
+  double work() const { return static_cast<double>(asked_) / static_cast<double>(4 * bodies * done_); }
+
+ private:
+  template <class Mask>
+  static bool holds(const Mask& mask, std::size_t lane) {
+    if constexpr (lanes == 1) {
+      return mask;
+    } else {
+      return mask[static_cast<int>(lane)];
+    }
+  }
+
+  Plain plain_;
+  World<Shape> exact_;
+  Wide wide_;
+  double step_;
+  long asked_ = 0, done_ = 0;
+  Stepper<Wide, Loads, Rk4> stepper_;
+  typename Wide::State y_;
+};
+
+/// Runs as many starts as S has lanes, and watches each.
+template <class S, class Shape, class Starts>
+auto follow(const World<Shape>& system, const Starts& starts, const Vector& gravity, double step, long steps,
+            ContactMode mode) {
+  using T = typename ScalarTraits<S>::Value;
+  Runner<S, Shape> runner(system, gravity, step, mode);
+  constexpr std::size_t lanes = Runner<S, Shape>::lanes;
+  std::vector<Watch<Shape>> watches;
+  std::array<Balance, lanes> out;
+  for (std::size_t l = 0; l < lanes; ++l) {
+    runner.start(l, starts[l]);
+    watches.emplace_back(runner.exact(), gravity, step, runner.state(l));
+  }
+  std::array<long, lanes> impacts{};
+  Ear<T, Shape> ear{&watches[0]};
+  for (long k = 0; k < steps; ++k) {
+    runner.advance(ear);
+    for (std::size_t l = 0; l < lanes; ++l) {
+      watches[l].step(runner.state(l));
+      const long so_far = runner.impacts(l);
+      watches[l].balance.impacts_in_step = std::max(watches[l].balance.impacts_in_step, so_far - impacts[l]);
+      impacts[l] = so_far;
+    }
+  }
+  for (std::size_t l = 0; l < lanes; ++l) {
+    out[l] = watches[l].balance;
+    out[l].work = runner.work();
+    out[l].impacts = impacts[l];
+  }
+  return out;
+}
+
+}  // namespace validate

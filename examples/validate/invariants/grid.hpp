@@ -1,0 +1,48 @@
+#pragma once
+
+#include "follow.hpp"
+
+namespace validate {
+
+/// What the grid measures, for one shape and scalar: each its own figure over all cases.
+struct GridFigures {
+  Figure impact_plane, impact_pair;          ///< rise of the energy in one impact
+  Figure run_plane, run_pair;                ///< and over a run
+  Figure linear, angular, angular_discrete;  ///< change of momentum, of bodies among themselves
+  Figure edge;                               ///< and along planes without friction
+  Figure overlap, work, impacts_in_step;
+  long impacts = 0;
+};
+
+template <class S, class Shape>
+GridFigures grid(const Cases& cases) {
+  constexpr std::size_t lanes = ScalarTraits<S>::lanes;
+  GridFigures worst;
+  for (long i = cases.first; i < cases.first + cases.count; ++i) {
+    Random r(cases.seed, static_cast<std::uint64_t>(i));
+    const Cell cell(i);
+    const auto system = any_system<Shape>(r, cell.material(), cell_planes(cell, r));
+    std::array<States, lanes> starts;
+    for (auto& start : starts) start = cell_start(system, cell, r);
+    const double step = cell_step(system, cell, r);
+    const auto where = cell.text();
+    for (const Balance& b : follow<S>(system, starts, {}, step, std::lround(1.5 / step), cell.mode)) {
+      (cell.plane ? worst.impact_plane : worst.impact_pair)(b.impact_rise, i, where);
+      (cell.plane ? worst.run_plane : worst.run_pair)(b.rise, i, where);
+      if (!cell.plane) {
+        const bool continuous = cell.mode == ContactMode::continuous;
+        worst.linear(b.linear, i, where);
+        (continuous ? worst.angular : worst.angular_discrete)(b.angular, i, where);
+      } else if (cell.friction == 0) {
+        worst.edge(b.linear_along, i, where);
+      }
+      if (cell.mode == ContactMode::continuous) worst.overlap(b.overlap, i, where);
+      worst.work(b.work, i, where);
+      worst.impacts_in_step(static_cast<double>(b.impacts_in_step), i, where);
+      worst.impacts += b.impacts;
+    }
+  }
+  return worst;
+}
+
+}  // namespace validate
