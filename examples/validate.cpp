@@ -3,6 +3,7 @@
 
 #include "validate/free_motion.hpp"
 #include "validate/impacts.hpp"
+#include "validate/invariants.hpp"
 #include "validate/rest.hpp"
 #include "validate/scenes.hpp"
 
@@ -42,6 +43,7 @@ int main(int argc, char** argv) {
   validate::impacts(rows);
   validate::rest(rows);
   validate::scenes(rows);
+  validate::invariants(rows);
 
   if (!json || file != nullptr) validate::print_table(rows, stdout);
   if (json) validate::print_json(rows, out);

@@ -42,6 +42,7 @@ struct Finding {
   std::string name;  ///< of the row of rbres_validate
   std::string unit;
   double bound;
+  std::string what;  ///< what is measured, and where
   Figure figure;
 
   bool good() const { return figure.value() <= bound; }  // NaN is not

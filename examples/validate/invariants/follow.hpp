@@ -76,12 +76,15 @@ struct Balance {
   long impacts = 0, impacts_in_step = 0;
 };
 
-/// Watches one run in double precision, whatever its scalar.
+/// Watches one run in double precision, whatever its scalar. `free` takes a state over a step in which
+/// nothing is met, in the run's own scalar.
 template <class Shape>
 class Watch {
  public:
-  Watch(const World<Shape>& system, const Vector& gravity, double step, const States& start)
-      : system_(system), gravity_(gravity), step_(step), start_(system, start, gravity), last_(start_) {
+  using Free = std::function<States(const States&)>;
+
+  Watch(const World<Shape>& system, const Vector& gravity, const Free& free, const States& start)
+      : system_(system), gravity_(gravity), free_flight_(free), start_(system, start, gravity) {
     for (int i = 0; i < bodies; ++i) {
       const auto& body = system[i];
       const double p = norm(linear_momentum(body, start[i])), r = body.bounding_radius();
@@ -111,7 +114,6 @@ class Watch {
     worst(balance.linear_along, std::abs(dot(now.linear - start_.linear, edge_)) / linear_scale_);
     worst(balance.angular, (norm(now.angular - start_.angular) - spent_.turn) / angular_scale_);
     worst(balance.overlap, overlap(system_, y));
-    last_ = now;
   }
 
   Balance balance;
@@ -128,8 +130,7 @@ class Watch {
   };
   /// What a step changes in free motion: the integrator's own error.
   Sums free_change(const States& y) const {
-    const auto next = fly(system_, Loads{gravity_}, Rk4{}, y, 0.0, step_);
-    const Sums a(system_, y, gravity_), b(system_, next, gravity_);
+    const Sums a(system_, y, gravity_), b(system_, free_flight_(y), gravity_);
     Sums change;
     change.energy = std::abs(b.energy - a.energy);
     change.turn = norm(b.angular - a.angular);
@@ -138,8 +139,9 @@ class Watch {
 
   const World<Shape>& system_;
   Vector gravity_, edge_;
-  double step_, least_ = 0, energy_scale_ = 0, linear_scale_ = 0, angular_scale_ = 0;
-  Sums start_, last_, spent_, free_;
+  Free free_flight_;
+  double least_ = 0, energy_scale_ = 0, linear_scale_ = 0, angular_scale_ = 0;
+  Sums start_, spent_, free_;
 };
 
 template <class T>
@@ -159,12 +161,14 @@ SystemState<T, bodies> from_double(const States& y) {
 template <class T, class Shape>
 struct Ear {
   Watch<Shape>* watch = nullptr;
-  std::function<void(double, const SystemState<T, bodies>&)> look;
+  std::function<void(double, const SystemState<T, bodies>&)> look{};
+  std::function<void(double)> hit{};
 
   void operator()(double time, const SystemState<T, bodies>& y) {
     if (look) look(time, y);
   }
-  void impact(double, const SystemState<T, bodies>& before, const SystemState<T, bodies>& after) {
+  void impact(double time, const SystemState<T, bodies>& before, const SystemState<T, bodies>& after) {
+    if (hit) hit(time);
     if (watch != nullptr) watch->impact(in_double(before), in_double(after));
   }
 };
@@ -184,6 +188,7 @@ class Runner {
       : plain_(system.template cast<T>()),
         exact_(plain_.template cast<double>()),
         wide_(plain_.template cast<S>()),
+        gravity_(gravity),
         step_(step),
         stepper_(wide_, Loads{gravity, &asked_, fault}, Rk4{},
                  SimulationOptions{.step = step, .contacts = mode}) {}
@@ -202,31 +207,32 @@ class Runner {
     Ear<T, Shape> nobody;
     for (long k = 0; k < steps; ++k) advance(nobody);
   }
-  long impacts(std::size_t lane) const {
-    return std::lround(
-        static_cast<double>(ScalarTraits<S>::lane(stepper_.tally().impacts, static_cast<int>(lane))));
-  }
-  bool finite(std::size_t lane) const { return holds(stepper_.finite(), lane); }
+  long impacts(std::size_t lane) const { return static_cast<long>(in_lane(stepper_.tally().impacts, lane)); }
   long overruns(std::size_t lane) const {
-    return std::lround(
-        static_cast<double>(ScalarTraits<S>::lane(stepper_.tally().overruns, static_cast<int>(lane))));
+    return static_cast<long>(in_lane(stepper_.tally().overruns, lane));
+  }
+  bool finite(std::size_t lane) const { return in_lane(stepper_.finite(), lane); }
+  /// A state after a step in which nothing is met.
+  States free_step(const States& y) const {
+    return in_double(fly(plain_, Loads{gravity_}, Rk4{}, from_double<T>(y), T(0), static_cast<T>(step_)));
   }
   /// Evaluations of the forces so far, over those of free motion.
   double work() const { return static_cast<double>(asked_) / static_cast<double>(4 * bodies * done_); }
 
  private:
-  template <class Mask>
-  static bool holds(const Mask& mask, std::size_t lane) {
+  template <class Each>
+  static auto in_lane(const Each& each, [[maybe_unused]] std::size_t lane) {
     if constexpr (lanes == 1) {
-      return mask;
+      return each;
     } else {
-      return mask[static_cast<int>(lane)];
+      return each[static_cast<int>(lane)];
     }
   }
 
   Plain plain_;
   World<Shape> exact_;
   Wide wide_;
+  Vector gravity_;
   double step_;
   long asked_ = 0, done_ = 0;
   Stepper<Wide, Loads, Rk4> stepper_;
@@ -244,7 +250,8 @@ auto follow(const World<Shape>& system, const Starts& starts, const Vector& grav
   std::array<Balance, lanes> out;
   for (std::size_t l = 0; l < lanes; ++l) {
     runner.start(l, starts[l]);
-    watches.emplace_back(runner.exact(), gravity, step, runner.state(l));
+    watches.emplace_back(
+        runner.exact(), gravity, [&](const States& y) { return runner.free_step(y); }, runner.state(l));
   }
   std::array<long, lanes> impacts{};
   Ear<T, Shape> ear{&watches[0]};

@@ -4,14 +4,6 @@
 
 namespace validate {
 
-struct ScaleFigures {
-  Figure size;          ///< end of a fall at another size, over that at this size
-  Figure rest;          ///< speed left after it, over sqrt(g L)
-  Figure mass;          ///< what moves in a pile at rest of bodies of very different mass, over their size
-  Figure mass_work;     ///< evaluations of the forces there, over those of free motion
-  Figure mass_impacts;  ///< most impacts in a step there
-};
-
 inline Sphere<double> resized(const Sphere<double>& s, double factor) { return {factor * s.radius}; }
 inline Box<double> resized(const Box<double>& s, double factor) { return Box<double>(factor * s.half); }
 inline Capsule<double> resized(const Capsule<double>& s, double factor) {
@@ -48,7 +40,8 @@ Crowd<Shape> resized(const Crowd<Shape>& crowd, double factor) {
 
 /// Falls of 0.1 mm to 10 km: powers of 4 keep the arithmetic the same to the bit.
 template <class Shape>
-void sizes(const Cases& cases, ScaleFigures& worst) {
+Figure sizes(const Cases& cases) {
+  Figure worst;
   for (long i = cases.first; i < cases.first + cases.count; ++i) {
     Random r(cases.seed, static_cast<std::uint64_t>(i));
     Cell cell(i % (Cell::count / 2));
@@ -66,13 +59,21 @@ void sizes(const Cases& cases, ScaleFigures& worst) {
       body.angular_velocity = root * body.angular_velocity;
     }
     const auto where = detail::text(cell.text(), ", size ", factor);
-    worst.size(apart(crowd, here, there), i, where);
+    worst(apart(crowd, here, there), i, where);
   }
+  return worst;
 }
+
+struct MassFigures {
+  Figure moved;    ///< over the size
+  Figure work;     ///< evaluations of the forces, over those of free motion
+  Figure impacts;  ///< the most in one step
+};
 
 /// Piles at rest: a body on another on the floor, lying, up to a million times heavier or lighter.
 template <class Shape>
-void masses(const Cases& cases, ScaleFigures& worst) {
+MassFigures masses(const Cases& cases) {
+  MassFigures worst;
   for (long i = cases.first; i < cases.first + cases.count; ++i) {
     Random r(cases.seed, static_cast<std::uint64_t>(i));
     Cell cell(i % (Cell::count / 2));
@@ -98,10 +99,11 @@ void masses(const Cases& cases, ScaleFigures& worst) {
     for (int k = 0; k < bodies; ++k)
       moved = std::max(moved, norm(end[k].position - crowd.start[k].position) / crowd.size);
     const auto where = detail::text(cell.text(), ", masses 1 to ", ratio);
-    worst.mass(moved, i, where);
-    worst.mass_work(runner.work(), i, where);
-    worst.mass_impacts(static_cast<double>(most), i, where);
+    worst.moved(moved, i, where);
+    worst.work(runner.work(), i, where);
+    worst.impacts(static_cast<double>(most), i, where);
   }
+  return worst;
 }
 
 }  // namespace validate

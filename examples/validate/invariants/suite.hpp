@@ -12,80 +12,118 @@
 
 namespace validate {
 
-namespace grid_rows {
-
 /// The rows of grid(), with what is allowed in this scalar.
-inline std::vector<Finding> rows(const GridFigures& g, const std::string& scalar, double bound,
-                                 double depth) {
+inline std::vector<Finding> grid_rows(const GridFigures& g, const std::string& scalar, double bound,
+                                      double depth) {
   const auto name = [&](const char* row) { return row + scalar; };
-  return {{name("energy_impact_plane"), "relative", bound, g.impact_plane},
-          {name("energy_impact_pair"), "relative", bound, g.impact_pair},
-          {name("energy_run_plane"), "relative", bound, g.run_plane},
-          {name("energy_run_pair"), "relative", bound, g.run_pair},
-          {name("momentum_run_linear"), "relative", bound, g.linear},
-          {name("momentum_run_angular"), "relative", bound, g.angular},
-          {name("momentum_run_discrete"), "relative", bound, g.angular_discrete},
-          {name("momentum_run_edge"), "relative", bound, g.edge},
-          {name("tunnelling_penetration"), "radii", depth, g.overlap},
-          {name("scale_effort"), "of free", 100, g.work},
-          {name("scale_impacts_in_step"), "impacts", 1000, g.impacts_in_step}};
+  const std::string grid =
+      "three bodies of any size, mass and inertia; e in {0, 0.5, 0.9, 1}, friction in {0, 0.3, 1}, both "
+      "contact modes, first, middle and last body";
+  const std::string impact = "rise of the energy in one impact, over the run's; ",
+                    run =
+                        "rise of the energy above its least so far, beyond the integrator's error, over the "
+                        "run's; ",
+                    momentum = "change over a run; ";
+  return {
+      {name("energy_impact_plane"), "relative", bound, impact + "with planes; " + grid, g.impact_plane},
+      {name("energy_impact_pair"), "relative", bound, impact + "between bodies; " + grid, g.impact_pair},
+      {name("energy_run_plane"), "relative", bound, run + "with planes; " + grid, g.run_plane},
+      {name("energy_run_pair"), "relative", bound, run + "between bodies; " + grid, g.run_pair},
+      {name("momentum_run_linear"), "relative", bound, momentum + grid, g.linear},
+      {name("momentum_run_angular"), "relative", bound, momentum + "continuous; " + grid, g.angular},
+      {name("momentum_run_discrete"), "relative", bound, momentum + "angular, discrete; " + grid,
+       g.angular_discrete},
+      {name("momentum_run_edge"), "relative", bound,
+       momentum + "linear, along the edge of two planes without friction; " + grid, g.edge},
+      {name("tunnelling_penetration"), "radii", depth,
+       "the deepest overlap at the end of a step, over the smaller body's bounding radius, continuous; " +
+           grid,
+       g.overlap},
+      {name("scale_effort"), "of free", 100, "evaluations of the forces, over those of free motion; " + grid,
+       g.work},
+      {name("scale_impacts_in_step"), "impacts", 1000, "the most in one step; " + grid, g.impacts_in_step}};
 }
 
-}  // namespace grid_rows
+inline std::vector<Finding> symmetry_rows(const SymmetryFigures& s) {
+  const std::string end = "difference of the ends of two runs, over the bodies' size and speed: ",
+                    crowd = "; three bodies thrown at one another, freely and over a floor under gravity";
+  const auto row = [&](const char* name, const char* what, const Figure& figure) {
+    return Finding{name, "relative", 1e-6, end + what + crowd, figure};
+  };
+  return {row("permutation_bodies", "every order of the bodies", s.permutation),
+          row("permutation_planes", "the planes in the other order", s.planes),
+          row("frame_rotation", "the world turned", s.rotation),
+          row("frame_translation", "the world moved", s.translation),
+          row("frame_mirror", "the world in a mirror", s.mirror),
+          row("frame_boost", "the world in motion", s.boost),
+          row("frame_nudge", "the start moved by 1e-13", s.nudge)};
+}
 
 /// Everything that is asked of a shape in double precision.
 template <class Shape>
 std::vector<Group> double_groups(const std::string& type) {
   return {
       {"grid", type, 144, 7200, 720,
-       [](const Cases& cases) { return grid_rows::rows(grid<double, Shape>(cases), "", 1e-10, 1e-5); }},
+       [](const Cases& cases) { return grid_rows(grid<double, Shape>(cases), "", 1e-10, 1e-5); }},
       {"symmetry", type, 144, 3600, 288,
-       [](const Cases& cases) {
-         const auto s = symmetry<Shape>(cases);
-         return std::vector<Finding>{{"permutation_bodies", "size, speed", 1e-6, s.permutation},
-                                     {"permutation_planes", "size, speed", 1e-6, s.planes},
-                                     {"frame_rotation", "size, speed", 1e-6, s.rotation},
-                                     {"frame_translation", "size, speed", 1e-6, s.translation},
-                                     {"frame_mirror", "size, speed", 1e-6, s.mirror},
-                                     {"frame_boost", "size, speed", 1e-6, s.boost},
-                                     {"frame_nudge", "size, speed", 1e-6, s.nudge}};
-       }},
+       [](const Cases& cases) { return symmetry_rows(symmetry<Shape>(cases)); }},
       {"tunnelling", type, 144, 7200, 432,
        [](const Cases& cases) {
+         const std::string scenes =
+             "; shots at thin targets, and thin bodies that spin in a room, up to 100 sizes and a turn of 1 "
+             "rad in "
+             "a step";
          const auto t = tunnelling<Shape>(cases);
-         return std::vector<Finding>{{"tunnelling_missed", "bodies", 0, t.missed},
-                                     {"tunnelling_fast", "radii", 1e-6, t.overlap},
-                                     {"tunnelling_plastic", "radii", 0.1, t.plastic}};
+         return std::vector<Finding>{
+             {"tunnelling_missed", "bodies", 0, "shots that met nothing" + scenes, t.missed},
+             {"tunnelling_fast", "radii", 1e-6, "the deepest overlap, e > 0" + scenes, t.overlap},
+             {"tunnelling_plastic", "radii", 0.1, "the deepest overlap, e = 0" + scenes, t.plastic}};
        }},
       {"faults", type, 216, 3456, 216,
        [](const Cases& cases) {
-         return std::vector<Finding>{{"faults_unreported", "runs", 0, faults<Shape>(cases)}};
+         return std::vector<Finding>{{"faults_unreported", "runs", 0,
+                                      "runs whose forces go wrong (NaN, infinite, 1e200, unstable) in "
+                                      "flight, landing, resting, sliding, "
+                                      "stacked or colliding, and that do not end with the last good state",
+                                      faults<Shape>(cases)}};
        }},
       {"copies", type, 72, 1440, 144,
        [](const Cases& cases) {
-         return std::vector<Finding>{{"copies_differ", "runs", 0, copies<Shape>(cases)}};
+         return std::vector<Finding>{
+             {"copies_differ", "runs", 0,
+              "steppers that were copied, or made anew from the state, and do not go on to "
+              "the same bits",
+              copies<Shape>(cases)}};
        }},
-      {"scale", type, 72, 1440, 144,
+      {"sizes", type, 72, 1440, 144,
        [](const Cases& cases) {
-         ScaleFigures s;
-         sizes<Shape>(cases, s);
-         return std::vector<Finding>{{"scale_size", "size, speed", 1e-6, s.size}};
+         return std::vector<Finding>{
+             {"scale_size", "relative", 1e-6,
+              "end of a fall of bodies of 0.1 mm to 10 km, in their own units, against the "
+              "same at a metre",
+              sizes<Shape>(cases)}};
        }},
       {"masses", type, 72, 1440, 72,
        [](const Cases& cases) {
-         ScaleFigures s;
-         masses<Shape>(cases, s);
-         return std::vector<Finding>{{"scale_mass", "radii", 1e-6, s.mass},
-                                     {"scale_mass_effort", "of free", 100, s.mass_work},
-                                     {"scale_mass_impacts", "impacts", 1000, s.mass_impacts}};
+         const std::string pile =
+             "; a body at rest on another, masses 1 to 1e6, the heavy one above or below";
+         const auto m = masses<Shape>(cases);
+         return std::vector<Finding>{
+             {"scale_mass", "radii", 1e-6, "motion in 0.2 s" + pile, m.moved},
+             {"scale_mass_effort", "of free", 100,
+              "evaluations of the forces, over those of free motion" + pile, m.work},
+             {"scale_mass_impacts", "impacts", 1000, "the most in one step" + pile, m.impacts}};
        }},
       {"rest", type, 6, 72, 12,
        [](const Cases& cases) {
-         return std::vector<Finding>{{"rest_minute", "radii", 1e-8, at_rest<Shape>(cases, 60)}};
+         return std::vector<Finding>{{"rest_minute", "radii", 1e-8,
+                                      "motion in a minute of bodies that lie on a floor and on one another",
+                                      at_rest<Shape>(cases, 60)}};
        }},
-      {"rest_hour", type, 0, 6, 1,
+      {"rest_hour", type, 0, 12, 1,
        [](const Cases& cases) {
-         return std::vector<Finding>{{"rest_hour", "radii", 1e-8, at_rest<Shape>(cases, 3600)}};
+         return std::vector<Finding>{
+             {"rest_hour", "radii", 1e-8, "the same in an hour", at_rest<Shape>(cases, 3600)}};
        }},
   };
 }
@@ -93,22 +131,24 @@ std::vector<Group> double_groups(const std::string& type) {
 /// Floats, one run at a time.
 template <class Shape>
 std::vector<Group> float_groups(const std::string& type) {
-  return {{"grid", type + ", float", 144, 7200, 288, [](const Cases& cases) {
-             return grid_rows::rows(grid<float, Shape>(cases), "_float", 1e-5, 1e-3);
-           }}};
+  return {{"grid", type + ", float", 144, 7200, 288,
+           [](const Cases& cases) { return grid_rows(grid<float, Shape>(cases), "_float", 1e-5, 1e-3); }}};
 }
 
 /// As many runs at once as fill a register.
 template <class Shape>
 std::vector<Group> lane_groups(const std::string& type) {
   using P = Pack<double, native_lanes<double>>;
-  return {{"grid", type + ", lanes", 144, 3600, 144,
-           [](const Cases& cases) { return grid_rows::rows(grid<P, Shape>(cases), "_lanes", 1e-10, 1e-5); }},
-          {"lanes", type + ", lanes", 72, 1440, 72, [](const Cases& cases) {
-             const auto l = lanes<P, Shape>(cases);
-             return std::vector<Finding>{{"lanes_alone", "size, speed", 1e-6, l.difference},
-                                         {"lanes_neighbours", "lanes", 0, l.neighbours}};
-           }}};
+  return {
+      {"grid", type + ", lanes", 144, 3600, 144,
+       [](const Cases& cases) { return grid_rows(grid<P, Shape>(cases), "_lanes", 1e-10, 1e-5); }},
+      {"lanes", type + ", lanes", 72, 1440, 72, [](const Cases& cases) {
+         const auto l = lanes<P, Shape>(cases);
+         return std::vector<Finding>{
+             {"lanes_alone", "relative", 1e-6, "difference of a lane's end from that of a run of its own",
+              l.difference},
+             {"lanes_neighbours", "lanes", 0, "lanes whose bits depend on a fault in another", l.neighbours}};
+       }}};
 }
 
 }  // namespace validate

@@ -1,0 +1,43 @@
+#include <doctest/doctest.h>
+
+#include <cstdlib>
+#include <string_view>
+
+#include "../examples/validate/invariants/groups.hpp"
+
+using namespace validate;
+
+namespace {
+
+/// The cases of a group: the quick ones, all of them (RBRES_CASES=full), or those of a failure that is
+/// repeated (RBRES_FIRST_CASE=17 RBRES_CASES=1).
+Cases chosen(const Group& group) {
+  const char *count = std::getenv("RBRES_CASES"), *first = std::getenv("RBRES_FIRST_CASE");
+  Cases cases{.count = group.quick};
+  if (count != nullptr) cases.count = std::string_view(count) == "full" ? group.full : std::atol(count);
+  if (first != nullptr) cases.first = std::atol(first);
+  return cases;
+}
+
+void check(const std::vector<Group>& groups) {
+  for (const Group& group : groups) {
+    const Cases cases = chosen(group);
+    if (cases.count == 0) continue;
+    for (const Finding& finding : group.run(cases)) {
+      CAPTURE(group.type);
+      CAPTURE(group.name);
+      CAPTURE(finding.name);
+      CAPTURE(finding.what);
+      CAPTURE(finding.figure.where());
+      INFO("again: RBRES_FIRST_CASE=", finding.figure.number(), " RBRES_CASES=1, seed ", cases.seed);
+      CHECK(finding.figure.value() <= finding.bound);
+    }
+  }
+}
+
+}  // namespace
+
+TEST_CASE("worlds of spheres keep what nature keeps") { check(sphere_groups()); }
+TEST_CASE("worlds of boxes keep what nature keeps") { check(box_groups()); }
+TEST_CASE("worlds of capsules keep what nature keeps") { check(capsule_groups()); }
+TEST_CASE("worlds of any shapes keep what nature keeps") { check(any_shape_groups()); }
