@@ -10,7 +10,7 @@ struct Fault {
     none,
     force,        ///< this force downwards, N
     torque,       ///< this torque about every axis, N m
-    late_torque,  ///< the same in the last tenth of each step alone
+    late_torque,  ///< the same at the end of each step alone
     spring,       ///< a spring to the origin of this stiffness per mass, 1/s^2
     cubic,        ///< a force along v of this times |v|^2 v, N
     spin,         ///< a torque of this times I w, N m
@@ -42,7 +42,8 @@ struct Loads {
         wrench.force.z -= size;
         break;
       case Fault::late_torque:
-        if (now / fault.step - std::floor(now / fault.step) < 0.9) break;
+        if (const double part = now / fault.step - std::floor(now / fault.step); part < 0.9 && part > 1e-6)
+          break;
         [[fallthrough]];
       case Fault::torque:
         wrench.torque += Vec3<S>{size, size, size};

@@ -53,12 +53,14 @@ Crowd<Shape> any_crowd(Random& r, const Cell& cell) {
 /// Bodies that lie on the floor z = 0, apart from one another: boxes on a face, capsules on their side.
 template <class Shape>
 States lying(const World<Shape>& system) {
+  double apart = 0;
+  for (int k = 0; k < bodies; ++k) apart += 10 * system[k].bounding_radius();
   States y;
   for (int k = 0; k < bodies; ++k) {
     y[k].orientation = normalized(Quat<double>{0, std::sqrt(0.5), 0, std::sqrt(0.5)} *
                                   system[k].shape_rotation().conjugate());
     y[k].position.z -= separation(system, y, -1, k);
-    y[k].position.x = 20 * system[k].bounding_radius() * k;
+    y[k].position.x = apart * k;
   }
   return y;
 }
