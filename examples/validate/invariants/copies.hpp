@@ -4,12 +4,16 @@
 
 namespace validate {
 
-/// A stepper that is copied in the middle of a run, and one that is made anew from the state there, go on to
-/// the same bits. The figure counts runs that do not.
+/// Runs that go on to other bits.
+struct CopyFigures {
+  Figure copied;  ///< after the stepper was copied
+  Figure anew;    ///< after a new stepper was given the state
+};
+
+/// In the middle of a run a stepper is copied, and another is made anew.
 template <class Shape>
-Figure copies(const Cases& cases) {
-  Figure worst;
-  double wrong = 0;
+CopyFigures copies(const Cases& cases) {
+  CopyFigures worst;
   for (long i = cases.first; i < cases.first + cases.count; ++i) {
     Random r(cases.seed, static_cast<std::uint64_t>(i));
     const Cell cell(i);
@@ -30,10 +34,9 @@ Figure copies(const Cases& cases) {
     advance(copy, y_copy, middle, total);
     advance(run, y, middle, total);
     advance(anew, y_anew, middle, total);
-    if (y != y_copy)
-      worst(++wrong, i, detail::text(cell.text(), ", copied after ", middle, " of ", total, " steps"));
-    if (y != y_anew)
-      worst(++wrong, i, detail::text(cell.text(), ", made anew after ", middle, " of ", total, " steps"));
+    const auto where = rbres::detail::text(cell.text(), ", after ", middle, " of ", total, " steps");
+    if (y != y_copy) worst.copied(worst.copied.value() + 1, i, where);
+    if (y != y_anew) worst.anew(worst.anew.value() + 1, i, where);
   }
   return worst;
 }
