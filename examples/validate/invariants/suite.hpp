@@ -89,11 +89,11 @@ std::vector<Group> double_groups(const std::string& type) {
        }},
       {"copies", type, 72, 1440, 144,
        [](const Cases& cases) {
+         const auto c = copies<Shape>(cases);
          return std::vector<Finding>{
-             {"copies_differ", "runs", 0,
-              "steppers that were copied, or made anew from the state, and do not go on to "
-              "the same bits",
-              copies<Shape>(cases)}};
+             {"copies_differ", "runs", 0, "runs that a copied stepper takes to other bits", c.copied},
+             {"copies_anew_differ", "runs", 0,
+              "runs that a new stepper, given the state, takes to other bits", c.anew}};
        }},
       {"sizes", type, 72, 1440, 144,
        [](const Cases& cases) {
