@@ -5,11 +5,7 @@
 namespace validate {
 
 std::vector<Group> box_groups() {
-  using Shape = Box<double>;
-  auto groups = double_groups<Shape>("box");
-  for (const auto& more : {float_groups<Shape>("box"), lane_groups<Shape>("box")}) {
-    groups.insert(groups.end(), more.begin(), more.end());
-  }
+  auto groups = shape_groups<Box<double>>("box");
   groups.push_back(
       {"closed forms", "box", 1, 1, 1, [](const Cases&) {
          const auto block = block_on_incline();

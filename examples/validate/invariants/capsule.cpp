@@ -5,11 +5,7 @@
 namespace validate {
 
 std::vector<Group> capsule_groups() {
-  using Shape = Capsule<double>;
-  auto groups = double_groups<Shape>("capsule");
-  for (const auto& more : {float_groups<Shape>("capsule"), lane_groups<Shape>("capsule")}) {
-    groups.insert(groups.end(), more.begin(), more.end());
-  }
+  auto groups = shape_groups<Capsule<double>>("capsule");
   groups.push_back(
       {"closed forms", "capsule", 1, 1, 1, [](const Cases&) {
          const auto forms = capsule_forms();

@@ -14,8 +14,7 @@ struct CopyFigures {
 template <class Shape>
 CopyFigures copies(const Cases& cases) {
   CopyFigures worst;
-  for (long i = cases.first; i < cases.first + cases.count; ++i) {
-    Random r(cases.seed, static_cast<std::uint64_t>(i));
+  each_case(cases, [&](long i, Random& r) {
     const Cell cell(i);
     const auto crowd = any_crowd<Shape>(r, cell);
     const SimulationOptions options{.step = crowd.step, .contacts = cell.mode};
@@ -37,7 +36,7 @@ CopyFigures copies(const Cases& cases) {
     const auto where = rbres::detail::text(cell.text(), ", after ", middle, " of ", total, " steps");
     if (y != y_copy) worst.copied(worst.copied.value() + 1, i, where);
     if (y != y_anew) worst.anew(worst.anew.value() + 1, i, where);
-  }
+  });
   return worst;
 }
 

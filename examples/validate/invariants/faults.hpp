@@ -25,8 +25,7 @@ Figure faults(const Cases& cases) {
   constexpr long kind_count = std::size(kinds), situations = static_cast<long>(Situation::count);
   Figure worst;
   double wrong = 0;
-  for (long i = cases.first; i < cases.first + cases.count; ++i) {
-    Random r(cases.seed, static_cast<std::uint64_t>(i));
+  each_case(cases, [&](long i, Random& r) {
     const auto [kind, amount] = kinds[i % kind_count];
     const auto situation = static_cast<Situation>(i / kind_count % situations);
     Cell cell(i / (kind_count * situations) * 5 + i);
@@ -88,7 +87,7 @@ Figure faults(const Cases& cases) {
                          static_cast<int>(kind), " of ", amount, ": status ", static_cast<int>(report.status),
                          " at ", report.time / step, " steps, fault at ", fault_time / step));
     }
-  }
+  });
   return worst;
 }
 

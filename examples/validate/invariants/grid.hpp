@@ -18,8 +18,7 @@ template <class S, class Shape>
 GridFigures grid(const Cases& cases) {
   constexpr std::size_t lanes = ScalarTraits<S>::lanes;
   GridFigures worst;
-  for (long i = cases.first; i < cases.first + cases.count; ++i) {
-    Random r(cases.seed, static_cast<std::uint64_t>(i));
+  each_case(cases, [&](long i, Random& r) {
     const Cell cell(i);
     const auto system = any_system<Shape>(r, cell.material(), cell_planes(cell, r));
     std::array<States, lanes> starts;
@@ -41,7 +40,7 @@ GridFigures grid(const Cases& cases) {
       worst.impacts_in_step(static_cast<double>(b.impacts_in_step), i, where);
       worst.impacts += b.impacts;
     }
-  }
+  });
   return worst;
 }
 

@@ -16,8 +16,7 @@ LaneFigures lanes(const Cases& cases) {
   constexpr std::size_t count = ScalarTraits<S>::lanes;
   LaneFigures worst;
   double wrong = 0;
-  for (long i = cases.first; i < cases.first + cases.count; ++i) {
-    Random r(cases.seed, static_cast<std::uint64_t>(i));
+  each_case(cases, [&](long i, Random& r) {
     const Cell cell(i);
     const auto crowd = any_crowd<Shape>(r, cell);
     std::array<States, count> starts;
@@ -46,7 +45,7 @@ LaneFigures lanes(const Cases& cases) {
                             : faulty->finite(l) && faulty->state(l) == together->state(l);
       if (!good) worst.neighbours(++wrong, i, detail::text(cell.text(), ", lane ", l));
     }
-  }
+  });
   return worst;
 }
 

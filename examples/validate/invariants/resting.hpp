@@ -9,8 +9,7 @@ namespace validate {
 template <class Shape>
 Figure at_rest(const Cases& cases, double duration) {
   Figure worst;
-  for (long i = cases.first; i < cases.first + cases.count; ++i) {
-    Random r(cases.seed, static_cast<std::uint64_t>(i));
+  each_case(cases, [&](long i, Random& r) {
     Cell cell(i % (Cell::count / 2));
     cell.mode = ContactMode::continuous;
     cell.friction = std::max(cell.friction, 0.3);  // nothing keeps smooth bodies in their place
@@ -30,7 +29,7 @@ Figure at_rest(const Cases& cases, double duration) {
       worst(norm(end[k].position - y[k].position) / system[k].bounding_radius() + 2 * norm(turn.imaginary()),
             i, cell.text());
     }
-  }
+  });
   return worst;
 }
 

@@ -42,8 +42,7 @@ Crowd<Shape> resized(const Crowd<Shape>& crowd, double factor) {
 template <class Shape>
 Figure sizes(const Cases& cases) {
   Figure worst;
-  for (long i = cases.first; i < cases.first + cases.count; ++i) {
-    Random r(cases.seed, static_cast<std::uint64_t>(i));
+  each_case(cases, [&](long i, Random& r) {
     Cell cell(i % (Cell::count / 2));
     const double factor = std::pow(4.0, static_cast<int>(r.below(14)) - 7);
     auto crowd = any_crowd<Shape>(r, cell);
@@ -60,7 +59,7 @@ Figure sizes(const Cases& cases) {
     }
     const auto where = detail::text(cell.text(), ", size ", factor);
     worst(apart(crowd, here, there), i, where);
-  }
+  });
   return worst;
 }
 
@@ -74,8 +73,7 @@ struct MassFigures {
 template <class Shape>
 MassFigures masses(const Cases& cases) {
   MassFigures worst;
-  for (long i = cases.first; i < cases.first + cases.count; ++i) {
-    Random r(cases.seed, static_cast<std::uint64_t>(i));
+  each_case(cases, [&](long i, Random& r) {
     Cell cell(i % (Cell::count / 2));
     cell.mode = ContactMode::continuous;
     const double ratio = log_uniform(r, 1, 1e6);
@@ -102,7 +100,7 @@ MassFigures masses(const Cases& cases) {
     worst.moved(moved, i, where);
     worst.work(runner.work(), i, where);
     worst.impacts(static_cast<double>(most), i, where);
-  }
+  });
   return worst;
 }
 

@@ -6,11 +6,7 @@
 namespace validate {
 
 std::vector<Group> sphere_groups() {
-  using Shape = Sphere<double>;
-  auto groups = double_groups<Shape>("sphere");
-  for (const auto& more : {float_groups<Shape>("sphere"), lane_groups<Shape>("sphere")}) {
-    groups.insert(groups.end(), more.begin(), more.end());
-  }
+  auto groups = shape_groups<Sphere<double>>("sphere");
   groups.push_back(
       {"closed forms", "sphere", 1, 1, 1, [](const Cases&) {
          return std::vector<Finding>{

@@ -155,4 +155,14 @@ std::vector<Group> lane_groups(const std::string& type) {
        }}};
 }
 
+/// All that is asked of a shape, in every scalar.
+template <class Shape>
+std::vector<Group> shape_groups(const std::string& type) {
+  auto groups = double_groups<Shape>(type);
+  for (const auto& more : {float_groups<Shape>(type), lane_groups<Shape>(type)}) {
+    groups.insert(groups.end(), more.begin(), more.end());
+  }
+  return groups;
+}
+
 }  // namespace validate

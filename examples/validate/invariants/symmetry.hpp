@@ -100,8 +100,7 @@ struct SymmetryFigures {
 template <class Shape>
 SymmetryFigures symmetry(const Cases& cases) {
   SymmetryFigures worst;
-  for (long i = cases.first; i < cases.first + cases.count; ++i) {
-    Random r(cases.seed, static_cast<std::uint64_t>(i));
+  each_case(cases, [&](long i, Random& r) {
     const Cell cell(i);
     const auto crowd = any_crowd<Shape>(r, cell);
     const States end = end_of(crowd, cell.mode);
@@ -181,7 +180,7 @@ SymmetryFigures symmetry(const Cases& cases) {
     }
     compare(
         worst.nudge, [&](auto& y) { y.position += normal_vector(r, 1e-13 * crowd.size); }, nothing);
-  }
+  });
   return worst;
 }
 

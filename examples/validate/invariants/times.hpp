@@ -15,8 +15,7 @@ Figure times(const Cases& cases) {
   Figure worst;
   const World<Sphere<double>> balls = World<Sphere<double>>::of(Body{Sphere{0.1}, 1.0});
   const auto plain = balls.template cast<T>();
-  for (long i = cases.first; i < cases.first + cases.count; ++i) {
-    Random r(cases.seed, static_cast<std::uint64_t>(i));
+  each_case(cases, [&](long i, Random& r) {
     SimulationOptions options;
     options.duration = log_uniform(r, 1e-3, 10);
     options.step = options.duration / log_uniform(r, 0.1, 300);
@@ -57,7 +56,7 @@ Figure times(const Cases& cases) {
             options, [&](const auto& sample) { see(sample.time, sample.state); }, 1);
       }
     } catch (const Error&) {
-      continue;
+      return;
     }
     // At 0, 1 / rate, 2 / rate, ... and at the end.
     if (told.size() < 2 || told.front() != 0) error = 1;
@@ -78,7 +77,7 @@ Figure times(const Cases& cases) {
     worst(error, i,
           detail::text("step ", options.step, " s, duration ", options.duration, " s, ", options.sample_rate,
                        " Hz"));
-  }
+  });
   return worst;
 }
 

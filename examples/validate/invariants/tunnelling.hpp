@@ -33,8 +33,7 @@ struct TunnellingFigures {
 template <class Shape>
 TunnellingFigures tunnelling(const Cases& cases) {
   TunnellingFigures worst;
-  for (long i = cases.first; i < cases.first + cases.count; ++i) {
-    Random r(cases.seed, static_cast<std::uint64_t>(i));
+  each_case(cases, [&](long i, Random& r) {
     const Cell cell(i);
     const double step = log_uniform(r, 1e-4, 1e-2), size = log_uniform(r, 0.01, 1);
     const int target = cell.index, shot = cell.partner();
@@ -98,7 +97,7 @@ TunnellingFigures tunnelling(const Cases& cases) {
     worst.missed(worst.missed.value() + (runner.impacts(0) == 0), i, where);
     worst.work(runner.work(), i, where);
     worst.overruns(static_cast<double>(runner.overruns(0)) / static_cast<double>(steps), i, where);
-  }
+  });
   return worst;
 }
 

@@ -19,6 +19,15 @@ using States = SystemState<double, bodies>;
 template <class Shape>
 using World = System<double, bodies, Shape>;
 
+/// Calls f with the number of each case and the random numbers that are its own.
+template <class F>
+void each_case(const Cases& cases, const F& f) {
+  for (long i = cases.first; i < cases.first + cases.count; ++i) {
+    Random r(cases.seed, static_cast<std::uint64_t>(i));
+    f(i, r);
+  }
+}
+
 inline Vector normal_vector(Random& r, double size = 1) {
   return {size * r.normal(), size * r.normal(), size * r.normal()};
 }
