@@ -6,11 +6,11 @@ namespace validate {
 
 /// Runs that go on to other bits.
 struct CopyFigures {
-  Figure copied;  ///< after the stepper was copied
-  Figure anew;    ///< after a new stepper was given the state
+  Figure copied;    ///< after the stepper was copied
+  Figure restored;  ///< after stepper and state were set back to what was saved of them
 };
 
-/// In the middle of a run a stepper is copied, and another is made anew.
+/// In the middle of a run a stepper is copied; at its end it is set back to that copy.
 template <class Shape>
 CopyFigures copies(const Cases& cases) {
   CopyFigures worst;
@@ -28,14 +28,16 @@ CopyFigures copies(const Cases& cases) {
     Run run(crowd.system, Loads{crowd.gravity}, Rk4{}, options);
     States y = crowd.start;
     advance(run, y, 0, middle);
-    Run copy(run), anew(crowd.system, Loads{crowd.gravity}, Rk4{}, options);
-    States y_copy = y, y_anew = y;
+    Run copy(run);
+    const Run saved(run);
+    States y_copy = y, y_restored = y;
     advance(copy, y_copy, middle, total);
     advance(run, y, middle, total);
-    advance(anew, y_anew, middle, total);
+    run = saved;
+    advance(run, y_restored, middle, total);
     const auto where = rbres::detail::text(cell.text(), ", after ", middle, " of ", total, " steps");
     if (y != y_copy) worst.copied(worst.copied.value() + 1, i, where);
-    if (y != y_anew) worst.anew(worst.anew.value() + 1, i, where);
+    if (y != y_restored) worst.restored(worst.restored.value() + 1, i, where);
   });
   return worst;
 }

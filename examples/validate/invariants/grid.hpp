@@ -11,6 +11,7 @@ struct GridFigures {
   Figure linear, angular, angular_discrete;  ///< change of momentum, of bodies among themselves
   Figure edge;                               ///< and along planes without friction
   Figure overlap, work, impacts_in_step;
+  Figure run_resting, overlap_resting;  ///< of bodies that do not bounce (e = 0)
   long impacts = 0;
 };
 
@@ -27,7 +28,8 @@ GridFigures grid(const Cases& cases) {
     const auto where = cell.text();
     for (const Balance& b : follow<S>(system, starts, {}, step, std::lround(1.5 / step), cell.mode)) {
       (cell.plane ? worst.impact_plane : worst.impact_pair)(b.impact_rise, i, where);
-      (cell.plane ? worst.run_plane : worst.run_pair)(b.rise, i, where);
+      const bool rests = cell.restitution == 0;
+      (rests ? worst.run_resting : cell.plane ? worst.run_plane : worst.run_pair)(b.rise, i, where);
       if (!cell.plane) {
         const bool continuous = cell.mode == ContactMode::continuous;
         worst.linear(b.linear, i, where);
@@ -35,7 +37,8 @@ GridFigures grid(const Cases& cases) {
       } else if (cell.friction == 0) {
         worst.edge(b.linear_along, i, where);
       }
-      if (cell.mode == ContactMode::continuous) worst.overlap(b.overlap, i, where);
+      if (cell.mode == ContactMode::continuous)
+        (rests ? worst.overlap_resting : worst.overlap)(b.overlap, i, where);
       worst.work(b.work, i, where);
       worst.impacts_in_step(static_cast<double>(b.impacts_in_step), i, where);
       worst.impacts += b.impacts;

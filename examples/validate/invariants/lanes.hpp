@@ -7,7 +7,8 @@ namespace validate {
 /// Lanes against runs of their own.
 struct LaneFigures {
   Figure difference;  ///< at the end, over size and speed
-  Figure neighbours;  ///< lanes whose bits depend on what went wrong in another lane
+  Figure neighbours;  ///< difference that a fault in another lane makes
+  Figure unreported;  ///< lanes whose fault was not reported, or was in another
 };
 
 template <class S, class Shape>
@@ -40,10 +41,10 @@ LaneFigures lanes(const Cases& cases) {
       alone.start(0, starts[l]);
       alone.advance(crowd.steps);
       worst.difference(apart(crowd, alone.state(0), together->state(l)), i, cell.text());
-      const bool good = static_cast<int>(l) == bad
-                            ? !faulty->finite(l)
-                            : faulty->finite(l) && faulty->state(l) == together->state(l);
-      if (!good) worst.neighbours(++wrong, i, detail::text(cell.text(), ", lane ", l));
+      const auto where = detail::text(cell.text(), ", lane ", l);
+      if (faulty->finite(l) == (static_cast<int>(l) == bad)) worst.unreported(++wrong, i, where);
+      if (static_cast<int>(l) != bad)
+        worst.neighbours(apart(crowd, faulty->state(l), together->state(l)), i, where);
     }
   });
   return worst;

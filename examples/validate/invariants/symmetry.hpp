@@ -95,13 +95,26 @@ double apart(const Crowd<Shape>& crowd, const States& a, const States& b) {
 /// What must not depend on how a world is written down.
 struct SymmetryFigures {
   Figure permutation, planes, rotation, translation, mirror, boost, nudge;
+
+  /// The largest of all.
+  Figure all() const {
+    Figure worst;
+    for (const Figure& f : {permutation, planes, rotation, translation, mirror, boost, nudge}) worst(f);
+    return worst;
+  }
+};
+/// Bodies that bounce, and bodies that come to rest at once (e = 0) or whose friction is so large that the
+/// law of impact need not have one solution.
+struct SplitSymmetry {
+  SymmetryFigures bouncing, resting;
 };
 
 template <class Shape>
-SymmetryFigures symmetry(const Cases& cases) {
-  SymmetryFigures worst;
+SplitSymmetry symmetry(const Cases& cases) {
+  SplitSymmetry split;
   each_case(cases, [&](long i, Random& r) {
     const Cell cell(i);
+    SymmetryFigures& worst = cell.restitution == 0 || cell.friction == 1 ? split.resting : split.bouncing;
     const auto crowd = any_crowd<Shape>(r, cell);
     const States end = end_of(crowd, cell.mode);
     const auto where = cell.text();
@@ -181,7 +194,7 @@ SymmetryFigures symmetry(const Cases& cases) {
     compare(
         worst.nudge, [&](auto& y) { y.position += normal_vector(r, 1e-13 * crowd.size); }, nothing);
   });
-  return worst;
+  return split;
 }
 
 }  // namespace validate
