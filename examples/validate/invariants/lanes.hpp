@@ -7,6 +7,7 @@ namespace validate {
 /// Lanes against runs of their own.
 struct LaneFigures {
   Figure difference;  ///< at the end, over size and speed
+  Figure resting;     ///< the same of bodies that do not bounce (e = 0)
   Figure neighbours;  ///< difference that a fault in another lane makes
   Figure unreported;  ///< lanes whose fault was not reported, or was in another
 };
@@ -40,7 +41,8 @@ LaneFigures lanes(const Cases& cases) {
       Runner<T, Shape> alone(crowd.system, crowd.gravity, crowd.step, cell.mode);
       alone.start(0, starts[l]);
       alone.advance(crowd.steps);
-      worst.difference(apart(crowd, alone.state(0), together->state(l)), i, cell.text());
+      (cell.restitution == 0 ? worst.resting : worst.difference)(
+          apart(crowd, alone.state(0), together->state(l)), i, cell.text());
       const auto where = detail::text(cell.text(), ", lane ", l);
       if (faulty->finite(l) == (static_cast<int>(l) == bad)) worst.unreported(++wrong, i, where);
       if (static_cast<int>(l) != bad)

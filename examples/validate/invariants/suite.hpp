@@ -163,6 +163,7 @@ std::vector<Group> lane_groups(const std::string& type) {
              return std::vector<Finding>{
                  {"lanes_alone", "relative", 1e-6, "difference of a lane's end from that of a run of its own",
                   l.difference},
+                 {"lanes_resting", "relative", 0.05, "the same, e = 0: see frame_resting", l.resting},
                  {"lanes_neighbours", "relative", 1e-6, "difference that a fault in another lane makes",
                   l.neighbours},
                  {"lanes_unreported", "lanes", 0, "lanes whose fault is not theirs, or is not reported",
