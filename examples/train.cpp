@@ -70,10 +70,46 @@ Metadata metadata(const Options& o) {
           {"scenarios", std::string(scenario_version)}};
 }
 
-/// The files that a run ends with, open from its start: nobody else writes them meanwhile.
+/// The losses of a run, epoch by epoch, as a table that plotting tools read. Each line is on its way to the
+/// disk when the next epoch begins.
+class LossLog {
+ public:
+  static constexpr const char* header = "epoch,train_loss,validation_loss,learning_rate";
+
+  explicit LossLog(const std::string& path) : path_(path) {
+    if (path.empty()) return;
+    file_.open(path, std::ios::trunc);
+    line(header);
+  }
+  void add(const EpochLosses& losses) {
+    if (path_.empty()) return;
+    line(detail::text(++epoch_, ",", losses.train_loss, ",", losses.validation_loss, ",",
+                      losses.learning_rate));
+  }
+
+ private:
+  void line(const std::string& text) {
+    if (!(file_ << text << std::endl)) throw Error(path_ + ": cannot write");
+  }
+
+  std::string path_;
+  std::ofstream file_;
+  int epoch_ = 0;
+};
+
+/// A run that is resumed writes its log again: only over one.
+void expect_log(const std::string& path) {
+  std::string first;
+  if (!std::filesystem::is_regular_file(path) || !std::getline(std::ifstream(path), first) ||
+      first != LossLog::header)
+    detail::refuse("--log: " + path, "the log of the run that is resumed, or no file", "another file");
+}
+
+/// The files that a run writes, reserved from its start: nobody else writes them meanwhile.
 struct Outputs {
   AtomicFile model;
   std::optional<AtomicFile> table;
+  std::vector<AtomicFile> claims;  ///< of those that are written again and again; never put in their place
 };
 
 /// Refuses, before hours of work, to write what is there or cannot be written.
@@ -92,12 +128,16 @@ Outputs open_files(const Options& o) {
                   (option == "--checkpoint" ? "; --resume goes on from it" : ""));
   };
   check("--checkpoint", o.checkpoint, o.resume);
-  if (!o.checkpoint.empty()) AtomicFile trial(o.checkpoint);
   if (o.out.empty()) throw Error("--out: expected the name of a file, found none");
   check("--out", o.out, false);
   check("--json", o.json, false);
   check("--log", o.log, o.resume);
-  Outputs files{AtomicFile(o.out), {}};
+  if (o.resume) SafetensorsReader(o.checkpoint).require_digest();
+  if (o.resume && !o.log.empty() && std::filesystem::exists(o.log)) expect_log(o.log);
+  Outputs files{AtomicFile(o.out), {}, {}};
+  // The names that AtomicFile writes a checkpoint under stay free for each of them.
+  if (!o.checkpoint.empty()) files.claims.emplace_back(o.checkpoint + ".run");
+  if (!o.log.empty()) files.claims.emplace_back(o.log);
   if (!o.json.empty()) files.table.emplace(o.json).reserve(1 << 16);
   return files;
 }
@@ -142,47 +182,25 @@ ScenarioData data_of(const Options& o) {
   return data;
 }
 
-/// The losses of a run, epoch by epoch, as a table that plotting tools read. Each line is on its way to the
-/// disk when the next epoch begins.
-class LossLog {
- public:
-  explicit LossLog(const std::string& path) : path_(path) {
-    if (path.empty()) return;
-    file_.open(path, std::ios::trunc);
-    line("epoch,train_loss,validation_loss,learning_rate");
-  }
-  void add(const EpochLosses& losses) {
-    if (path_.empty()) return;
-    line(detail::text(++epoch_, ",", losses.train_loss, ",", losses.validation_loss, ",",
-                      losses.learning_rate));
-  }
-
- private:
-  void line(const std::string& text) {
-    if (!(file_ << text << std::endl)) throw Error(path_ + ": cannot write");
-  }
-
-  std::string path_;
-  std::ofstream file_;
-  int epoch_ = 0;
-};
-
 void print_row(const char* method, const Metrics& m) {
   std::printf("  %-18s %12.4g %12.4g %12.4g %12.4g %10.3f %8.3f\n", method, m.position, m.orientation,
               m.velocity, m.angular_velocity, m.angle, 100 * m.energy);
 }
 
 template <Architecture A, BodySet Set>
-void train(const Options& o, const ScenarioData& data, Outputs& files) {
+PredictorOf<A> first_predictor(const Options& o) {
+  using Network = typename paper::NetworkOf<A>::type;
+  if (o.start.empty()) return {Network(o.training.seed), {}, {}, free_flow<Set>(), o.target};
+  auto predictor = load<PredictorOf<A>>(o.start);
+  if (predictor.target != o.target)
+    detail::refuse("--start: " + o.start, "a model of the --target that is asked for", "the other");
+  return predictor;
+}
+
+template <Architecture A, BodySet Set>
+void train(const Options& o, PredictorOf<A> predictor, const ScenarioData& data, Outputs& files) {
   // Scenarios 0 ... tenth - 1 are the test set, those up to 2 tenth validate.
   const Eigen::Index n = data.count(), tenth = n / 10;
-  using Network = typename paper::NetworkOf<A>::type;
-  PredictorOf<A> predictor{Network(o.training.seed), {}, {}, free_flow<Set>(), o.target};
-  if (!o.start.empty()) {
-    predictor = load<PredictorOf<A>>(o.start);
-    if (predictor.target != o.target)
-      detail::refuse("--start: " + o.start, "a model of the --target that is asked for", "the other");
-  }
   const TrainingSet<PredictorOf<A>> set(predictor, data, 0, 2 * tenth, n, o.training.threads,
                                         o.start.empty() ? Normalization::fit : Normalization::keep);
   Clipped<ChosenOptimizer> optimizer;
@@ -260,9 +278,9 @@ void run(const Options& o, Outputs& files) {
   paper::with_architecture(o.architecture, [&](auto a) {
     constexpr std::size_t metadata_bytes = 1 << 20;
     files.model.reserve(paper::NetworkOf<a()>::type::parameter_count * sizeof(float) + metadata_bytes);
+    auto predictor = first_predictor<a(), Set>(o);
+    train<a(), Set>(o, std::move(predictor), data_of<Set>(o), files);
   });
-  const ScenarioData data = data_of<Set>(o);
-  paper::with_architecture(o.architecture, [&](auto a) { train<a(), Set>(o, data, files); });
 }
 
 /// An option that takes one of some names.

@@ -300,6 +300,12 @@ TEST_CASE("batches, indices and sizes that do not fit are refused") {
         }) == "mean_loss: samples: targets: expected 2 x 100, found 2 x 10");
   CHECK(error_of([&] { mean_loss(net, samples, Loss<float>{.output_weights = {1, 2, 3}}); }) != "");
 
+  const ColumnsObjective<Net> none(Samples<float>{}), some(samples);
+  using Mean = Evaluation<Net, ColumnsObjective<Net>>;
+  CHECK(error_of([&] { Mean(none, 1); }) == "Evaluation: items: expected at least one, found 0");
+  CHECK(error_of([&] { Mean(some, 1).mean(net, none); }) ==
+        "Evaluation::mean: items: expected at least one, found 0");
+
   Tape<Net> tape(8);
   Matrix<float> outputs(2, 9), inputs = x.leftCols(9);
   ParameterGradient<Net> gradient;
@@ -349,6 +355,11 @@ TEST_CASE("what is moved from stays usable") {
   tape.record(moved, x, outputs);
   tape.backward(moved, outputs, gradient);
   CHECK(gradient.numbers().size() == Net::block_size);
+
+  const ColumnsObjective<Net> objective(samples);
+  Evaluation<Net, ColumnsObjective<Net>> evaluation(objective, 2);
+  auto taken_evaluation = std::move(evaluation);
+  CHECK(evaluation.mean(moved, objective) == taken_evaluation.mean(moved, objective));
 }
 
 TEST_CASE("a restore that throws changes nothing") {

@@ -242,4 +242,16 @@ TEST_CASE("numbers out of their range are refused before anything is trained") {
   refuses(options, Clipped<Adam>{{}, 0});
   refuses(options, Clipped<Adam>{{}, nan});
   refuses(options, Averaged<Adam>{{}, 1});
+
+  Trainer trainer(Line(1), data.samples(), {}, options);
+  const auto refuses_schedule = [&](const auto& schedule) {
+    CHECK_THROWS_AS(trainer.set_schedule(schedule), Error);
+  };
+  refuses_schedule(Schedule{.initial = -1});
+  refuses_schedule(WarmUp{Schedule{.initial = nan}, 5});
+  refuses_schedule(Plateau{Schedule{}, 7.0});
+  refuses_schedule(Plateau{Schedule{}, nan});
+  refuses_schedule(Plateau{Schedule{}, 0.1, -3});
+  refuses_schedule(WarmUp{Plateau{Schedule{}, 0.1, 3, nan}, 5});
+  trainer.set_schedule(Plateau{Schedule{}, 1.0, 0});
 }

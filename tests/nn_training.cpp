@@ -256,6 +256,14 @@ TEST_CASE("a loss that turns non-finite stops the run and keeps the last good we
   Trainer wild(Small(1), train.samples(), {}, options, Sgd{});
   CHECK(wild.train() == TrainingStatus::diverged);
   CHECK(same_bits(wild.best(), Small(1)));
+
+  // The loss of an epoch of one step is that of before the step.
+  options.epochs = 1;
+  options.batch_size = 100;
+  options.schedule.initial = 1e300;
+  Trainer blind(Small(1), train.samples(), {}, options, Sgd{});
+  CHECK(blind.train() == TrainingStatus::diverged);
+  CHECK(same_bits(blind.best(), Small(1)));
 }
 
 TEST_CASE_TEMPLATE("optimisers step as their papers say", Optimizer, Adam, AdamW, Sgd) {

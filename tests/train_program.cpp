@@ -160,6 +160,42 @@ TEST_CASE("two runs with one --out: the second is refused, the first keeps its m
   CHECK(nlohmann::json::parse(read_bytes(folder / "table")).contains("model"));
 }
 
+TEST_CASE("two runs with one --checkpoint or one --log: the second is refused") {
+  const TemporaryFolder folder;
+  Training first(folder, "--checkpoint run --log log.csv --epochs 60 --patience 0 --out first", "epoch   5/");
+  std::filesystem::remove(folder / "log.csv");
+  for (const char* second :
+       {"--out new --resume --checkpoint run --epochs 60", "--out new --checkpoint other --log log.csv"}) {
+    const Outcome outcome = train(folder, second);
+    CHECK(outcome.status == 2);
+    CHECK(contains(outcome.err, ": cannot write: another writer holds "));
+    CHECK(!contains(outcome.out, "simulating"));
+  }
+  CHECK(first.finish() == 0);
+  for (const auto& [name, bytes] : files(folder)) CHECK(!contains(name, "partial"));
+}
+
+TEST_CASE("what cannot be written or read is found before anything is simulated") {
+  const TemporaryFolder folder;
+  REQUIRE(train(folder, "--checkpoint run --log log.csv").status == 0);
+  write_bytes(folder / "thesis", "chapter one\n");
+  const auto error = [&](const std::string& arguments) {
+    const std::string line = refusal(folder, RBRES_TRAIN, with("--out new --data set " + arguments));
+    CHECK(!contains(read_bytes(folder / ".out"), "simulating"));
+    return line;
+  };
+  CHECK(contains(error("--log nowhere/log.csv"), "nowhere/log.csv: cannot write"));
+  CHECK(contains(error("--start nowhere"), "nowhere: cannot read"));
+  CHECK(contains(error("--start run"), "run: "));
+  CHECK(contains(error("--resume --checkpoint nowhere"), "nowhere: cannot read"));
+  // A log is written again by the run that goes on, but nothing else is.
+  const std::string resume = "--resume --checkpoint run ";
+  CHECK(contains(error(resume + "--log thesis"), "--log: thesis: expected the log of the run"));
+  CHECK(contains(refusal(folder, RBRES_TRAIN, with("--out new --epochs 1 " + resume)),
+                 "run: expected the progress of a run of at most 1 epochs, found that of 2"));
+  CHECK(train(folder, resume + "--log log.csv --out new").status == 0);
+}
+
 TEST_CASE("a file that appears at --out stays, and the model is not lost") {
   const TemporaryFolder folder;
   const std::string options = "--epochs 60 --patience 0 ";

@@ -94,8 +94,10 @@ void load_checkpoint(const std::filesystem::path& path, Trainer<Net, Optimizer, 
   TrainingProgress progress{numbers[0], numbers[1], numbers[2], std::bit_cast<double>(numbers[3]),
                             static_cast<TrainingStatus>(numbers[4])};
   const bool is_known = numbers[4] < static_cast<std::uint64_t>(TrainingStatus::diverged);
-  if (!is_known || progress.best_epoch > progress.epoch || std::isnan(progress.best_loss) ||
-      progress.epoch > static_cast<std::uint64_t>(trainer.options().epochs))
+  if (const auto epochs = static_cast<std::uint64_t>(trainer.options().epochs); progress.epoch > epochs)
+    detail::refuse(path.string(), detail::text("the progress of a run of at most ", epochs, " epochs"),
+                   detail::text("that of ", progress.epoch));
+  if (!is_known || progress.best_epoch > progress.epoch || std::isnan(progress.best_loss))
     detail::refuse(path.string(), "the progress of a run", "numbers that make no sense");
 
   // All tensors are read and checked before the first is taken, as there is no room for two states.

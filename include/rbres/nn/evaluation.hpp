@@ -13,11 +13,13 @@
 namespace rbres {
 
 /// The mean of an objective over all its items, for networks without dropout, with scratch that is kept. No
-/// bit depends on the number of threads.
+/// bit depends on the number of threads. A move is a copy.
 template <class Net, Objective<Net> O>
 class Evaluation {
  public:
+  /// Throws Error where the objective has no items.
   Evaluation(const O& objective, int threads) {
+    if (objective.count() < 1) detail::refuse("Evaluation: items", "at least one", objective.count());
     const auto asked = std::ptrdiff_t{threads > 0 ? threads : default_threads()};
     const std::ptrdiff_t most = std::min(most_chunks, detail::chunks(objective, objective.count()));
     for (std::ptrdiff_t i = 0; i < std::min(asked, most); ++i)
@@ -25,8 +27,14 @@ class Evaluation {
           {objective.scratch(), std::vector<std::uint32_t>(static_cast<std::size_t>(objective.chunk()))});
   }
 
-  /// Of the objective that it was built for, which has an item at least.
+  Evaluation(const Evaluation&) = default;
+  Evaluation& operator=(const Evaluation&) = default;
+
+  /// Of the objective that it was built for, or one of chunks that are as large; else throws Error.
   double mean(const Net& network, const O& objective) {
+    if (objective.count() < 1) detail::refuse("Evaluation::mean: items", "at least one", objective.count());
+    if (const auto room = std::ssize(threads_.front().items); objective.chunk() > room)
+      detail::refuse("Evaluation::mean: items of a chunk", detail::text("at most ", room), objective.chunk());
     const std::ptrdiff_t chunk = objective.chunk(), total = detail::chunks(objective, objective.count());
     std::array<double, static_cast<std::size_t>(most_chunks)> sums;
     double sum = 0;

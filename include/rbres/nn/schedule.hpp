@@ -92,6 +92,12 @@ std::string schedule_text(const S& schedule) {
   else
     return "a schedule of the user's own";
 }
+
+/// Refuses numbers that a schedule says are out of their range.
+template <class S>
+void check_schedule(const S& schedule) {
+  if constexpr (requires { schedule.check(); }) schedule.check();
+}
 }  // namespace detail
 
 /// Another schedule whose rates rise from nearly 0 along a line over the first `steps` steps (Goyal et al.
@@ -106,6 +112,7 @@ struct WarmUp {
         now.step + 1 < steps ? static_cast<double>(now.step + 1) / static_cast<double>(steps) : 1;
     return height * schedule(now);
   }
+  void check() const { detail::check_schedule(schedule); }
   std::string text() const { return detail::text(detail::schedule_text(schedule), " warm-up ", steps); }
 };
 template <class S, class Count>
@@ -130,6 +137,13 @@ struct Plateau {
       stagnation.epochs = 0;
     }
     return height * schedule(now);
+  }
+  void check() const {
+    detail::check_schedule(schedule);
+    if (!(factor > 0 && factor <= 1)) detail::refuse("Plateau::factor", "above 0, at most 1", factor);
+    if (patience < 0) detail::refuse("Plateau::patience", "at least 0", patience);
+    if (!(min_delta >= 0 && std::isfinite(min_delta)))
+      detail::refuse("Plateau::min_delta", "at least 0", min_delta);
   }
   std::string text() const {
     return detail::text(detail::schedule_text(schedule), " plateau ", detail::exact(factor), " ", patience,

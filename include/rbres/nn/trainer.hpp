@@ -3,8 +3,8 @@
 #include <rbres/core/denormals.hpp>
 #include <rbres/nn/evaluation.hpp>
 #include <rbres/nn/gradient_source.hpp>
-#include <rbres/nn/optimizer.hpp>
 #include <rbres/nn/training.hpp>
+#include <rbres/nn/update.hpp>
 
 #include <chrono>
 #include <concepts>
@@ -41,7 +41,7 @@ class Trainer {
   Trainer(Net network, O objective, std::type_identity_t<std::optional<O>> validation = {},
           const TrainingOptions& options = {}, const Optimizer& optimizer = {})
       : options_(checked(options, objective)),
-        optimizer_(checked(optimizer)),
+        update_(optimizer),
         rate_(options.schedule),
         rate_text_(options.schedule.text()),
         objective_(std::move(objective)),
@@ -50,8 +50,6 @@ class Trainer {
         items_(detail::all_items(objective_.count())),
         gradients_(objective_, batch(), asked_threads()) {
     if (validation_ && validation_->count() > 0) evaluation_.emplace(*validation_, options_.threads);
-    if constexpr (detail::ClipsGradients<Optimizer>)
-      if (optimizer_.clips()) gradient_.emplace();
     make_room();
     state_.progress.status = standing();
   }
@@ -66,9 +64,10 @@ class Trainer {
 
   /// From now on the learning rate of each step is schedule(TrainingTime), in place of options.schedule: a
   /// WarmUp, a Plateau, a function of the user's own. It must depend on nothing but its argument, and is
-  /// called by several threads at once.
+  /// called by several threads at once. Throws Error where its check() does.
   template <class S>
   void set_schedule(S schedule) {
+    detail::check_schedule(schedule);
     rate_text_ = detail::schedule_text(schedule);
     rate_ = std::move(schedule);
   }
@@ -80,8 +79,8 @@ class Trainer {
     std::string text = detail::text("batch size ", options_.batch_size, ", ", rate_text_, ", l2 ",
                                     detail::exact(options_.l2), ", dropout ", detail::exact(options_.dropout),
                                     ", optimizer ");
-    if constexpr (requires { optimizer_.text(); })
-      text += optimizer_.text();
+    if constexpr (requires(const Optimizer& optimizer) { optimizer.text(); })
+      text += update_.optimizer().text();
     else
       text += "of the user's own";
     const auto add = [&](const char* what, const O& objective) {
@@ -161,16 +160,12 @@ class Trainer {
   }
 
  private:
-  static constexpr std::size_t moments_size = Optimizer::moment_count * Net::block_size;
+  static constexpr std::size_t moments_size = detail::Update<Net, Optimizer>::moments_size;
 
   static const TrainingOptions& checked(const TrainingOptions& options, const O& objective) {
     options.check();
     if (objective.count() < 1) detail::refuse("Trainer: training samples", "at least one", objective.count());
     return options;
-  }
-  static const Optimizer& checked(const Optimizer& optimizer) {
-    if constexpr (requires { optimizer.check(); }) optimizer.check();
-    return optimizer;
   }
   std::size_t batch_size() const { return static_cast<std::size_t>(options_.batch_size); }
   std::ptrdiff_t batch() const { return std::min<std::ptrdiff_t>(options_.batch_size, std::ssize(items_)); }
@@ -247,7 +242,7 @@ class Trainer {
             gradients_.run(state_.network, objective_, items, {options_.dropout, options_.seed, step}, team);
         sum += loss * static_cast<double>(items.size());
         if (!std::isfinite(loss)) break;
-        update(team, rate(first / batch), ++step);
+        update_(team, gradients_, rate(first / batch), options_.l2, ++step, state_.network, state_.moments);
       }
       if (team.index() > 0) return;
       state_.progress.step = step;
@@ -256,69 +251,16 @@ class Trainer {
     return mean;
   }
 
-  void update(const Team& team, double rate, std::uint64_t step) {
-    const auto rule = optimizer_.template rule<Scalar>(rate, step);
-    const auto l2 = static_cast<Scalar>(2 * options_.l2);
-    Scalar* parameters = state_.network.parameters().data();
-    Scalar* moments = state_.moments.data();
-    const auto step_register = [=](std::size_t at, detail::Simd<Scalar> g, bool is_weight) {
-      // What is updated next is on its way from memory while its gradient is summed.
-      constexpr std::size_t next = detail::gradient_rows<Scalar> * detail::lanes<Scalar>;
-      __builtin_prefetch(parameters + at + next, 1);
-      for (std::size_t i = 0; i < Optimizer::moment_count; ++i)
-        __builtin_prefetch(moments + i * Net::block_size + at + next, 1);
-      auto w = detail::load(parameters + at);
-      detail::Simd<Scalar> m[Optimizer::moment_count];
-      for (std::size_t i = 0; i < Optimizer::moment_count; ++i)
-        m[i] = detail::load(moments + i * Net::block_size + at);
-      if (is_weight) g += l2 * w;
-      detail::store(parameters + at, rule(w, g, m, is_weight));
-      for (std::size_t i = 0; i < Optimizer::moment_count; ++i)
-        detail::store(moments + i * Net::block_size + at, m[i]);
-    };
-    if constexpr (detail::ClipsGradients<Optimizer>)
-      if (gradient_) return clipped_update(team, step_register);
-    gradients_.parameter_gradient(team, step_register);
-  }
-
-  /// The whole gradient first, then its norm, then the step.
-  template <class Step>
-  void clipped_update(const Team& team, const Step& step_register) {
-    Scalar* whole = gradient_->sum.numbers().data();
-    gradients_.parameter_gradient(
-        team, [whole](std::size_t at, const auto& g, bool) { detail::store(whole + at, g); });
-    detail::each_slice<Net>(team, [&](std::ptrdiff_t slice, std::size_t begin, std::size_t end, bool) {
-      double& squares = gradient_->squares[static_cast<std::size_t>(slice)];
-      if (begin == static_cast<std::size_t>(slice) * detail::slice) squares = 0;
-      for (std::size_t i = begin; i < end; ++i)
-        squares += static_cast<double>(whole[i]) * static_cast<double>(whole[i]);
-    });
-    double squared = 0;
-    for (const double squares : gradient_->squares) squared += squares;
-    const auto factor = static_cast<Scalar>(optimizer_.factor(std::sqrt(squared)));
-    detail::each_slice<Net>(team, [&](std::ptrdiff_t, std::size_t begin, std::size_t end, bool is_weight) {
-      for (std::size_t at = begin; at < end; at += static_cast<std::size_t>(detail::simd_width<Scalar>))
-        step_register(at, detail::Simd<Scalar>(factor * detail::load(whole + at)), is_weight);
-    });
-  }
-
-  /// The weights that are validated: the newest, or their moving average.
-  const Net& current() {
-    if constexpr (detail::AveragesWeights<Optimizer>) {
-      if (!average_) average_.emplace();
-      const Scalar* sum = state_.moments.data() + Optimizer::average_moment * Net::block_size;
-      const auto scale = static_cast<Scalar>(optimizer_.average_scale(state_.progress.step));
-      for (std::size_t i = 0; i < Net::block_size; ++i) average_->parameters()[i] = scale * sum[i];
-      return *average_;
-    } else {
-      return state_.network;
-    }
-  }
+  /// The weights that are validated.
+  const Net& current() { return update_.current(state_.network, state_.moments, state_.progress.step); }
 
   void judge(const EpochLosses& losses) {
     TrainingProgress& progress = state_.progress;
     const double loss = losses.monitored();
-    if (!std::isfinite(losses.train_loss) || !std::isfinite(loss)) {
+    // A loss on the validation items sees the newest weights; that of the epoch is older than its last step.
+    const bool is_sound =
+        evaluation_ || std::ranges::all_of(current().parameters(), [](Scalar w) { return std::isfinite(w); });
+    if (!std::isfinite(losses.train_loss) || !std::isfinite(loss) || !is_sound) {
       progress.status = TrainingStatus::diverged;
       return;
     }
@@ -333,13 +275,8 @@ class Trainer {
     progress.status = standing();
   }
 
-  struct WholeGradient {
-    ParameterGradient<Net> sum;
-    std::vector<double> squares = std::vector<double>(static_cast<std::size_t>(detail::slice_count<Net>));
-  };
-
   TrainingOptions options_;
-  Optimizer optimizer_;
+  detail::Update<Net, Optimizer> update_;
   LearningRate rate_;
   std::string rate_text_;
   O objective_;
@@ -350,8 +287,6 @@ class Trainer {
   std::uint64_t epoch_start_ = 0;  ///< steps done before this epoch
   detail::GradientSource<Net, O> gradients_;
   std::optional<Evaluation<Net, O>> evaluation_;
-  std::optional<WholeGradient> gradient_;  ///< where the optimiser clips
-  std::optional<Net> average_;             ///< where it averages
 };
 
 }  // namespace rbres
