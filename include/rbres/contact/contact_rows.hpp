@@ -82,7 +82,7 @@ class ContactRows {
   /// method the others; large heaps, for which that costs too much, are swept on, to a coarser tolerance.
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
     constexpr int few = 12, many = 100;
-    const S coarse = as<S>(200.0) * tolerance;
+    const S coarse = as<S>(2000.0) * tolerance;
     // Friction comes second: what it answers before the normals agree only slows it down.
     MaskOf<S> open = sweep(motion, where, false, tolerance, few);
     if (friction) open = sweep(motion, where, true, tolerance, few);
