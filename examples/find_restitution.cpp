@@ -54,7 +54,7 @@ void find_restitution(const std::vector<Vec3<double>>& recorded) {
 int main(int argc, char** argv) {
   CLI::App app{
       "Finds the restitution of a thrown ball from its recorded path, by derivatives through impacts."};
-  double truth = 0.6;
+  double truth = 0.2;
   app.add_option("--truth", truth, "the restitution of the ball that is recorded")->capture_default_str();
   return run_program("find_restitution", app, argc, argv, [&] { find_restitution(path(truth)); });
 }
