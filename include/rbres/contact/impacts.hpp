@@ -136,7 +136,9 @@ class Impacts {
     if (!any(hit)) return;
     for (const std::size_t k : island) {
       for (const int i : {pairs[k].who.first, pairs[k].who.second}) {
-        if (i >= 0) changed_[std::size_t(i)] = changed_[std::size_t(i)] | (hit_[k].joins & hit);
+        if (i < 0) continue;
+        MaskOf<S>& changed = changed_[std::size_t(i)];
+        changed = changed | (hit_[k].joins & hit);
       }
     }
     MaskOf<S> together(true);
