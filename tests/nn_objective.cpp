@@ -56,7 +56,8 @@ class Rollouts {
     Matrix<double> by_state = Matrix<double>::Zero(2, count);
     for (int t = steps; t-- > 0;) {
       for (Index c = 0; c < count; ++c) by_state.col(c) += 2 * error(own, items, c, t + 1);
-      own.tapes[t].backward(network, (h * by_state).cast<T>(), gradient, own.inputs.leftCols(count));
+      own.tapes[static_cast<std::size_t>(t)].backward(network, (h * by_state).cast<T>(), gradient,
+                                                      own.inputs.leftCols(count));
       by_state += own.inputs.leftCols(count).topRows(2).template cast<double>();
     }
     return value;
@@ -69,10 +70,13 @@ class Rollouts {
     double sum = 0;
     for (int t = 0; t < steps; ++t) {
       for (Index c = 0; c < count; ++c)
-        own.inputs.col(c) << own.states[t].col(c).template cast<T>(), static_cast<T>(start(items, c)[2]);
+        own.inputs.col(c) << own.states[static_cast<std::size_t>(t)].col(c).template cast<T>(),
+            static_cast<T>(start(items, c)[2]);
       mask.seed += 1;  // each step drops others
-      own.tapes[t].record(network, own.inputs.leftCols(count), own.outputs.leftCols(count), mask);
-      own.states[t + 1] = own.states[t] + h * own.outputs.template cast<double>();
+      own.tapes[static_cast<std::size_t>(t)].record(network, own.inputs.leftCols(count),
+                                                    own.outputs.leftCols(count), mask);
+      own.states[static_cast<std::size_t>(t + 1)] =
+          own.states[static_cast<std::size_t>(t)] + h * own.outputs.template cast<double>();
       for (Index c = 0; c < count; ++c) sum += error(own, items, c, t + 1).squaredNorm();
     }
     return sum;

@@ -191,7 +191,7 @@ TEST_CASE("samples are encoded, normalised, and without weight where a body is a
   CHECK_THROWS_AS((TrainingSet<Small>(p, data, 2, 4, 12)), Error);
   CHECK_THROWS_AS((TrainingSet<Small>(p, data, 0, 12, 12)), Error);
   CHECK_THROWS_AS((TrainingSet<Small>(p, data, 0, 4, 13)), Error);
-  for (const double bad : {std::nan(""), 1e30}) {
+  for (const float bad : {std::nanf(""), 1e30f}) {
     ScenarioData broken = data;
     broken.states[0](3, 1) = bad;  // of a scenario that only tests
     CHECK_THROWS_WITH_AS((TrainingSet<Small>(p, broken, 0, 4, 12)),
