@@ -46,7 +46,14 @@ class Rbres {
   /// In continuous mode, where nothing ever overlaps, the impacts.
   double contacts() const {
     const auto& tally = stepper_.tally();
-    return sum(mode_ == ContactMode::continuous ? tally.impacts : tally.touching);
+    const auto& count = mode_ == ContactMode::continuous ? tally.impacts : tally.touching;
+    if constexpr (lanes == 1) {
+      return static_cast<double>(count);
+    } else {
+      double total = 0;
+      for (int i = 0; i < lanes; ++i) total += static_cast<double>(count[i]);
+      return total;
+    }
   }
 
   double mean_height() const {

@@ -188,6 +188,56 @@ TEST_CASE("nothing tunnels: shots at a thin plate and at a ball, in one step") {
   }
 }
 
+TEST_CASE(
+    "nothing tunnels: a blade that sweeps through a ball, a drop in one long step, a ball pushed by "
+    "another") {
+  const System<double, 2> blade{{Body{Box{1.0, 2e-4, 0.1}, 1e3}, Body{Sphere{2e-4}, 1e-3}}};
+  SystemState<double, 2> y;
+  y[0].angular_velocity = {0, 0, 100};
+  y[1].position = {0.02, 9e-4, 0};
+  CHECK(simulate(blade, y, nothing, Rk4{}, {.step = 1e-3, .duration = 0.01}).impacts > 0);
+
+  const System<double, 1, Sphere<double>> drop{{Body{Sphere{0.1}, 1.0}}, {floor_plane<double>()}};
+  SystemState<double, 1> z;
+  z[0].position.z = 0.2;
+  simulate(drop, z, Gravity{}, Rk4{}, {.step = 10, .duration = 10});
+  CHECK(z[0].position.z > 0.0999);
+
+  const Material<double> smooth{0, 0};
+  const System<double, 3, Sphere<double>> row{
+      {Body{Sphere{0.1}, 1.0, smooth}, Body{Sphere{0.002}, 1e-4, smooth}, Body{Sphere{0.002}, 1e-4, smooth}}};
+  SystemState<double, 3> w;
+  w[1].position.x = 0.102;
+  w[2].position.x = 0.1061;
+  const auto push = [](const auto&, const auto&, int index, double) {
+    return Wrench<double>{{index == 0 ? 1000.0 : 0.0, 0, 0}, {}};
+  };
+  simulate(row, w, push, Rk4{}, {.step = 5e-3, .duration = 0.1});
+  CHECK(w[2].position.x - w[1].position.x > 0.004 * 0.999);
+}
+
+TEST_CASE("a run ends at its duration, however it is sampled") {
+  const System<double, 1, Sphere<double>> system{{Body{Sphere{0.1}, 1.0}}};
+  for (const double rate : {0.0, 1e-11, 1.0, 7.0, 300.0, 5000.0}) {
+    CAPTURE(rate);
+    SystemState<double, 1> y;
+    const auto report =
+        simulate(system, y, Gravity{}, Rk4{}, {.step = 1e-3, .duration = 0.4321, .sample_rate = rate});
+    CHECK(report.time == 0.4321);
+    CHECK(y[0].velocity.z == doctest::Approx(-9.81 * 0.4321).epsilon(1e-12));
+  }
+}
+
+TEST_CASE("a normal that is nearly unit makes no energy") {
+  const Material<double> elastic{1, 0};
+  const System<double, 1, Sphere<double>> system{{Body{Sphere{0.1}, 1.0, elastic}},
+                                                 {Plane<double>{{0, 0, 1 + 9e-6}, 0, elastic}}};
+  SystemState<double, 1> y;
+  y[0].position.z = 0.2;
+  simulate(system, y, Gravity{}, Rk4{}, {.step = 1e-3, .duration = 5});
+  CHECK(energy(system, y, {0, 0, -9.81}) == doctest::Approx(9.81 * 0.2).epsilon(1e-12));
+}
+
 TEST_CASE("a row of touching balls hands a blow to the last") {
   constexpr int N = 20;
   const auto system = System<double, N, Sphere<double>>::of(Body{Sphere{0.1}, 1.0, Material<double>{1, 0}});

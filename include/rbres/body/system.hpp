@@ -53,7 +53,14 @@ class System {
 
   System(const std::array<BodyType, N>& bodies, std::vector<Plane<S>> planes = {})
       : bodies_(bodies), planes_(std::move(planes)) {
-    if constexpr (std::is_floating_point_v<S>) check_planes();
+    if constexpr (std::is_floating_point_v<S>) {
+      check_planes();
+      for (Plane<S>& plane : planes_) {  // a length off by 1e-5 would make energy
+        const S length = norm(plane.normal);
+        if (std::abs(length - S(1)) > S(4) * S(Constants<S>::epsilon))
+          plane.normal = (S(1) / length) * plane.normal;
+      }
+    }
   }
   /// N times the same body.
   static System of(const BodyType& every, std::vector<Plane<S>> planes = {}) {

@@ -82,6 +82,8 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
     const S turn = part * clamp(S(pair.speed[i] / lost), as<S>(1e-3), S(1));
     approach.first_look = select(leaving, minimum(approach.first_look, turn), approach.first_look);
   }
+  // Bodies that go far may pass one another, whatever their speeds at both ends.
+  dips = dips | (approach.speed_bound * part > as<S>(0.5) * pair.size);
   const MaskOf<S> ends_below = approach.gap_end < S(0);
   const MaskOf<S> near = approach.gap_start + approach.gap_end < approach.speed_bound * part;
   const MaskOf<S> search = counted & (ends_below | (dips & near));
@@ -98,8 +100,7 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
     pair.find(system, at, probe);
     return lowest(probe);
   };
-  const S time = time_of_impact(approach, search, gap, found);
-  return select(found, time, part);
+  return time_of_impact(approach, search, gap, found);
 }
 
 }  // namespace rbres::detail

@@ -25,7 +25,12 @@ class Impacts {
   }
 
   /// A new step: no body has been hit yet.
-  void start_step() { answered_.fill(S(0)); }
+  void start_step() {
+    answered_.fill(S(0));
+    unresolved_ = MaskOf<S>(false);
+  }
+  /// Where impacts of this step went on without an end.
+  const MaskOf<S>& unresolved() const { return unresolved_; }
 
   /// Changes the velocities in `motion` until no touching pair approaches faster than its rest speed. `pairs`
   /// know where they touch. Returns the lanes in which there was an impact; `count` counts pairs.
@@ -44,6 +49,9 @@ class Impacts {
         }
       }
       for (std::size_t i = 0; i < islands_.count(); ++i) resolve_island(islands_[i], pairs, motion);
+      if (pass == passes - 1) {
+        for (const Hit& h : hit_) unresolved_ = unresolved_ | h.hit;
+      }
     }
     return changed;
   }
@@ -194,6 +202,7 @@ class Impacts {
 
   std::array<S, N> answered_;  ///< impacts of each body in this step
   std::array<MaskOf<S>, N> changed_;
+  MaskOf<S> unresolved_{false};
   Islands<N> islands_;
   ContactRows<System> rows_;
   Reserved<ImpactPoint<S>> info_;

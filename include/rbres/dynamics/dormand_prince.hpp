@@ -122,11 +122,13 @@ struct DormandPrince54 {
   /// Largest component of the local error over its tolerance.
   template <class State>
   auto scaled_error(const State& y, const State& fault, const State& end) const {
-    const auto tolerance =
-        relative_tolerance *
-            y.vector().cwiseAbs().cwiseMax(end.vector().cwiseAbs()).array().template cast<double>() +
-        absolute_tolerance;
     using S = std::decay_t<decltype(y.vector()(0))>;
+    // No step of floats reaches the default tolerances.
+    const double finest = 8 * static_cast<double>(std::numeric_limits<S>::epsilon());
+    const auto tolerance =
+        std::max(relative_tolerance, finest) *
+            y.vector().cwiseAbs().cwiseMax(end.vector().cwiseAbs()).array().template cast<double>() +
+        std::max(absolute_tolerance, std::is_same_v<S, float> ? finest : 0.0);
     return static_cast<S>(
         ((fault.vector() - y.vector()).array().template cast<double>().abs() / tolerance).maxCoeff());
   }

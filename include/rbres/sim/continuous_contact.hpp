@@ -49,6 +49,7 @@ class ContinuousContact {
             Observer& observer, ContactTally<S>& tally) {
     continue_from(y);
     impacts_.start_step();
+    pushed_.fill(S(0));
     S left = h, now = t;
     MaskOf<S> lost(false);          // goes too far for one step
     bool answered = false;          // the impacts of this instant
@@ -97,6 +98,11 @@ class ContinuousContact {
                        : fly(*system_, forces, integrator, y, now, time);
       };
       State end = resting ? flown(left) : free;
+      // Contact forces may carry a body farther than its free flight: then others may be in its way.
+      if (resting && widen_reach(y, end, left, running)) {
+        answered = true;
+        continue;
+      }
       S part = left;
       // However dense the impacts, time goes on.
       const S impact = maximum(earliest_impact(y, end, part, lost), minimum(part, S(as<S>(1e-9) * h)));
@@ -109,10 +115,11 @@ class ContinuousContact {
       y = chosen(running, end, y);
       left = select(running, S(left - part), left);
       now = now + part;
+      pushed_.fill(S(0));
     }
     const MaskOf<S> over = left > S(0);
+    tally.overruns += over | impacts_.unresolved();
     if (any(over)) {
-      tally.overruns += over;
       State end = fly(*system_, forces, integrator, y, now, left);
       discrete_.resolve(y, end, as<S>(options_.rest_speed), tally);
       y = chosen(over, end, y);
@@ -161,9 +168,8 @@ class ContinuousContact {
     std::array<S, N> reach;
     MaskOf<S> faulty(false);
     for (int i = 0; i < N; ++i) {
-      // The path stays near its chord: a constant acceleration leaves it by an eighth of its velocity change.
-      const S way =
-          norm(free[i].position - y[i].position) + as<S>(0.5) * left * norm(free[i].velocity - y[i].velocity);
+      const S way = maximum(way_of(y[i], free[i], left), pushed_[index(i)]);
+      way_[index(i)] = way;
       const Quat<S>& q = free[i].orientation;
       const S all_of_it = way + norm(free[i].velocity) + norm(free[i].angular_velocity) + q.x + q.w;
       const MaskOf<S> unfit = running & !is_finite(all_of_it);
@@ -176,6 +182,25 @@ class ContinuousContact {
     for (const Candidate& who : broad_.find(*system_, y, reach))
       pairs_.emplace_back(*system_, who, as<S>(options_.rest_speed));
     return faulty;
+  }
+
+  /// How far a body may get from where it starts. The path stays near its chord: a constant acceleration
+  /// leaves it by an eighth of its velocity change.
+  static S way_of(const RigidState<S>& from, const RigidState<S>& to, const S& time) {
+    return norm(to.position - from.position) + as<S>(0.5) * time * norm(to.velocity - from.velocity);
+  }
+  /// Notes the bodies that go farther than the pairs were sought for. Returns whether there are any.
+  bool widen_reach(const State& y, const State& end, const S& left, const MaskOf<S>& running) {
+    bool wider = false;
+    for (int i = 0; i < N; ++i) {
+      const S way = way_of(y[i], end[i], left);
+      const MaskOf<S> beyond =
+          running & (way > way_[index(i)] + as<S>(5e-4) * (*system_)[i].bounding_radius());
+      if (!any(beyond)) continue;
+      wider = true;
+      pushed_[index(i)] = select(beyond, S(as<S>(1.5) * way), pushed_[index(i)]);
+    }
+    return wider;
   }
 
   void measure(const State& y, const Motions& motion, const MaskOf<S>& running) {
@@ -353,6 +378,7 @@ class ContinuousContact {
   detail::ContactMemory<System> memory_;
   detail::DiscreteContact<System> discrete_;  ///< for steps past their event cap
   detail::Reserved<Pair> pairs_;
+  std::array<S, N> way_, pushed_;   ///< m, for which pairs were sought; that contact forces ask for
   std::array<MaskOf<S>, N> rests_;  ///< which bodies have a resting contact
   State last_{};
 };

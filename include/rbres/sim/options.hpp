@@ -69,7 +69,7 @@ class StepPlan {
         step_(whole_step(options)),
         span_(options.sample_rate > 0 ? 1 / options.sample_rate : step_),
         per_sample_(std::max(1L, std::lround(span_ / step_))),
-        parts_(static_cast<long>(std::ceil(duration_ / span_ - 1e-9))) {}
+        parts_(duration_ > 0 ? std::max(1L, static_cast<long>(std::ceil(duration_ / span_ - 1e-9))) : 0) {}
 
   long parts() const { return parts_; }
   Part part(long k) const {
