@@ -12,7 +12,7 @@ class Reserved : public std::vector<T> {
 
  public:
   Reserved() = default;
-  Reserved(const Reserved& other) { *this = other; }
+  Reserved(const Reserved& other) : Base() { *this = other; }
   Reserved& operator=(const Reserved& other) {
     if (this == &other) return *this;
     Base::reserve(other.capacity());
