@@ -83,7 +83,8 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
     approach.first_look = select(leaving, minimum(approach.first_look, turn), approach.first_look);
   }
   // Bodies that go far may pass one another, whatever their speeds at both ends.
-  dips = dips | (approach.speed_bound * part > as<S>(0.5) * pair.size);
+  const MaskOf<S> far = approach.speed_bound * part > as<S>(0.5) * pair.size;
+  dips = dips | far;
   const MaskOf<S> ends_below = approach.gap_end < S(0);
   const MaskOf<S> near = approach.gap_start + approach.gap_end < approach.speed_bound * part;
   const MaskOf<S> search = counted & (ends_below | (dips & near));

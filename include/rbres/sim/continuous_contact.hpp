@@ -117,8 +117,8 @@ class ContinuousContact {
       now = now + part;
       pushed_.fill(S(0));
     }
-    const MaskOf<S> over = left > S(0);
-    tally.overruns += over | impacts_.unresolved();
+    const MaskOf<S> over = left > S(0), unresolved = impacts_.unresolved();
+    tally.overruns += over | unresolved;
     if (any(over)) {
       State end = fly(*system_, forces, integrator, y, now, left);
       discrete_.resolve(y, end, as<S>(options_.rest_speed), tally);
