@@ -71,8 +71,8 @@ auto plain_forward(const T* parameters, const Eigen::MatrixBase<Derived>& x) {
       for (const S& number : out) variance += S((number - mean) * (number - mean)) / T(stage.outputs);
       using std::sqrt;
       const S scale = S(1) / S(sqrt(S(variance + T(1e-5))));
-      for (int o = 0; o < stage.outputs; ++o)
-        out[o] = S((out[o] - mean) * scale) * weights[o] + weights[Passes::weight_size(s) + o];
+      const T* shift = weights + Passes::weight_size(s);
+      for (int o = 0; o < stage.outputs; ++o) out[o] = S((out[o] - mean) * scale) * weights[o] + shift[o];
     }
     for (S& number : out) number = Compiled::template ChainOfStage<s>::value(number, S(1));
     if constexpr (stage.skip != none) out += values[stage.skip];
