@@ -17,6 +17,7 @@
 #include <rbres/eval/metrics.hpp>
 #include <rbres/eval/timing.hpp>
 #include <rbres/eval/training_set.hpp>
+#include <rbres/learn/learn.hpp>
 #include <rbres/nn/nn.hpp>
 #include <rbres/predict/decoded_loss.hpp>
 #include <rbres/predict/predictor.hpp>

@@ -37,6 +37,31 @@ std::vector<Plane<S>> room(S half_width, S height, const Material<S>& material =
           {{o, i, o}, -half_width, material}, {{o, -i, o}, -half_width, material}};
 }
 
+namespace detail {
+
+/// The planes with normals of length 1: a length off by 1e-5 would make energy. Throws Error where a normal
+/// is no unit vector, an offset not finite, or a material none.
+template <class S>
+std::vector<Plane<S>> checked_planes(std::vector<Plane<S>> planes) {
+  if constexpr (std::is_floating_point_v<S>) {
+    for (std::size_t i = 0; i < planes.size(); ++i) {
+      Plane<S>& p = planes[i];
+      const S length = norm(p.normal);
+      naming([&] { return text("plane ", i, ", "); },
+             [&] {
+               if (!(std::abs(length - S(1)) < as<S>(1e-5)))
+                 refuse("normal", "a unit vector", text("one of length ", length));
+               if (!is_finite(p.offset)) refuse("offset", "a finite number", p.offset);
+               check_material(p.material);
+             });
+      if (std::abs(length - S(1)) > S(4) * S(Constants<S>::epsilon)) p.normal = (S(1) / length) * p.normal;
+    }
+  }
+  return planes;
+}
+
+}  // namespace detail
+
 /// N bodies and the planes around them: everything that does not change while they move. A System is read
 /// only; where the bodies are stands in a SystemState. Throws Error where a plane's normal is not a unit
 /// vector.
@@ -52,16 +77,7 @@ class System {
   static constexpr int bodies = N;
 
   System(const std::array<BodyType, N>& bodies, std::vector<Plane<S>> planes = {})
-      : bodies_(bodies), planes_(std::move(planes)) {
-    if constexpr (std::is_floating_point_v<S>) {
-      check_planes();
-      for (Plane<S>& plane : planes_) {  // a length off by 1e-5 would make energy
-        const S length = norm(plane.normal);
-        if (std::abs(length - S(1)) > S(4) * S(Constants<S>::epsilon))
-          plane.normal = (S(1) / length) * plane.normal;
-      }
-    }
-  }
+      : bodies_(bodies), planes_(detail::checked_planes(std::move(planes))) {}
   /// N times the same body.
   static System of(const BodyType& every, std::vector<Plane<S>> planes = {}) {
     return System(repeat(every, std::make_index_sequence<N>{}), std::move(planes));
@@ -88,21 +104,6 @@ class System {
     using Other = System<T, N, typename detail::CastShape<Shape, T>::type>;
     return Other({bodies_[I].template cast<T>()...}, std::move(planes));
   }
-  void check_planes() const {
-    for (std::size_t i = 0; i < planes_.size(); ++i) {
-      const auto& p = planes_[i];
-      detail::naming([&] { return detail::text("plane ", i, ", "); },
-                     [&] {
-                       if (!(std::abs(norm(p.normal) - S(1)) < as<S>(1e-5))) {
-                         detail::refuse("normal", "a unit vector",
-                                        detail::text("one of length ", norm(p.normal)));
-                       }
-                       if (!is_finite(p.offset)) detail::refuse("offset", "a finite number", p.offset);
-                       detail::check_material(p.material);
-                     });
-    }
-  }
-
   std::array<BodyType, N> bodies_;
   std::vector<Plane<S>> planes_;
 };

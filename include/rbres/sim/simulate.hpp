@@ -1,5 +1,6 @@
 #pragma once
 
+#include <rbres/body/check_state.hpp>
 #include <rbres/sim/continuous_contact.hpp>
 #include <utility>
 
@@ -105,23 +106,8 @@ class Stepper {
 template <class System>
 void check_state(const System& system, const typename System::State& y) {
   using S = typename System::Scalar;
-  constexpr const char* names[] = {
-      "position x",         "position y",         "position z",        "orientation x", "orientation y",
-      "orientation z",      "orientation w",      "velocity x",        "velocity y",    "velocity z",
-      "angular velocity x", "angular velocity y", "angular velocity z"};
   for (int i = 0; i < System::bodies; ++i) {
-    const auto numbers = y[i].vector();
-    for (int k = 0; k < numbers.size(); ++k) {
-      if (!is_finite(numbers(k)))
-        detail::refuse(detail::text("body ", i, ", ", names[k]), "a finite number", numbers(k));
-    }
-    using std::abs;
-    using std::sqrt;
-    const S length = sqrt(squared_norm(y[i].orientation));
-    if (!(abs(S(length - S(1))) < as<S>(1e-3))) {
-      detail::refuse(detail::text("body ", i, ", orientation"), "a unit quaternion",
-                     detail::text("one of length ", length));
-    }
+    detail::naming([&] { return detail::text("body ", i, ", "); }, [&] { detail::check_rigid_state(y[i]); });
   }
   const auto check_pair = [&](int first, int second) {
     detail::with_manifold(system, y, first, second, [&](const auto& m, auto) {
