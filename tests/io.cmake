@@ -2,6 +2,7 @@
 if(TARGET nlohmann_json::nlohmann_json)
   rbres_test(io_atomic_file LIBRARIES rbres::io)
   rbres_test(io_npy LIBRARIES rbres::io)
+  rbres_test(io_trajectories LIBRARIES rbres::io)
   rbres_test(io_safetensors LIBRARIES rbres::io)
   rbres_test(io_memory LIBRARIES rbres::io)
   rbres_test(io_model LIBRARIES rbres::io)

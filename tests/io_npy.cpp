@@ -43,7 +43,7 @@ TEST_CASE_TEMPLATE("round trips", Scalar, float, double, std::int32_t, std::int6
   const TemporaryFolder folder;
   const auto path = folder / "a.npy";
   const auto columns = counting<Scalar>(6, 7);
-  for (const auto& sample_shape : {std::vector<Index>{6}, {2, 3}, {6, 1}}) {
+  for (const auto& sample_shape : {std::vector<Index>{6}, {2, 3}, {6, 1}, {3, 1, 2}}) {
     NpyWriter<Scalar> writer(path, sample_shape);
     writer.append(columns.leftCols(2));
     writer.append(columns.middleCols(2, 0));
@@ -111,7 +111,7 @@ TEST_CASE("columns of another size are refused, and an unfinished file never app
                    path.string() + ": expected columns of 6 numbers, found 5"));
   }
   CHECK(!std::filesystem::exists(path));
-  CHECK_THROWS_AS(NpyWriter<double>(path, {1, 2, 3}), Error);
+  CHECK_THROWS_AS(NpyWriter<double>(path, {1, 2, 3, 4}), Error);
 }
 
 TEST_CASE("every spelling that Python reads") {
@@ -176,8 +176,8 @@ TEST_CASE("malformed files are refused with what is wrong") {
   CHECK(contains(dictionary_error("{'descr': '<f4', 'fortran_order': False, 'shape': (2,)"), "expected ','"));
   CHECK(contains(dictionary_error(""), "expected '{' in the .npy header, found its end"));
 
-  CHECK(contains(shape_error("()"), "expected 1 to 3 dimensions, found 0"));
-  CHECK(contains(shape_error("(1, 2, 1, 1)"), "found 4"));
+  CHECK(contains(shape_error("()"), "expected 1 to 4 dimensions, found 0"));
+  CHECK(contains(shape_error("(1, 2, 1, 1, 1)"), "found 5"));
   CHECK(contains(shape_error("2"), "expected '('"));
   CHECK(contains(shape_error("(-2,)"), "expected a number in the shape"));
   CHECK(contains(shape_error("(3,)"), "expected 12 bytes of data, as its shape says, found 8"));
@@ -205,7 +205,7 @@ TEST_CASE("samples of no possible shape are refused") {
   const TemporaryFolder folder;
   const auto path = folder / "a.npy";
   for (const std::vector<Eigen::Index>& shape :
-       {std::vector<Eigen::Index>{-3}, {4, -1}, {Eigen::Index{1} << 31}, {1, 1, 1}})
+       {std::vector<Eigen::Index>{-3}, {4, -1}, {Eigen::Index{1} << 31}, {1, 1, 1, 1}})
     CHECK(contains(error_of([&] { NpyWriter<float>(path, shape); }), path.string() + ": expected "));
   CHECK(!std::filesystem::exists(AtomicFile::partial(path)));
 }

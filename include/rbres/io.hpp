@@ -12,6 +12,8 @@
 ///     const auto inputs = read_npy<float>("inputs.npy");
 ///     write_dataset("data", sampler, 100'000, horizons, {}, progress);  // stopped, it goes on where it was
 ///     const auto data = read_dataset("data", sampler, 100'000, horizons);
+///     const auto scenes = read_trajectories("tosses");          // measured, or made by another engine
+///     write_trajectories("scenes", scenes);
 #include <rbres/io/atomic_file.hpp>
 #include <rbres/io/checkpoint.hpp>
 #include <rbres/io/dataset.hpp>
@@ -23,3 +25,4 @@
 #include <rbres/io/npy.hpp>
 #include <rbres/io/predictor.hpp>
 #include <rbres/io/safetensors.hpp>
+#include <rbres/io/trajectories.hpp>

@@ -8,17 +8,14 @@
 #include <utility>
 #include <vector>
 
-#include <nlohmann/json.hpp>
-
 #include <rbres/io/atomic_file.hpp>
 #include <rbres/io/digest.hpp>
+#include <rbres/io/json_file.hpp>
 #include <rbres/io/npy.hpp>
 #include <rbres/sim/dataset.hpp>
 
 /// What the folder of a data set holds: its description and its arrays.
 namespace rbres::detail {
-
-using Json = nlohmann::ordered_json;
 
 inline constexpr int dataset_format = 2;
 
@@ -68,11 +65,8 @@ class DatasetFolder {
   bool described() const { return std::filesystem::exists(description()); }
 
   Json read_description() const {
-    const InputFile file(description());
-    const std::string path = file.path().string();
-    if (file.size() > 1'000'000) refuse(path, "at most a megabyte", file.size());
-    std::string bytes(file.size(), '\0');
-    file.read(0, bytes.data(), bytes.size());
+    std::string bytes = read_text(description());
+    const std::string path = description().string();
     Json found = Json::parse(bytes, nullptr, false);
     const bool is_ours = found.is_object() && found.contains("done") && found["done"].is_number_unsigned();
     if (!is_ours) refuse(path, "the description of a data set", "something else");
@@ -89,7 +83,7 @@ class DatasetFolder {
     bytes.replace(place, no_digest.size(), no_digest);
     Sha256 hash;
     hash.add(bytes.data(), bytes.size());
-    require_digest(file.path(), expected, hash);
+    require_digest(description(), expected, hash);
     return found;
   }
 
@@ -105,9 +99,7 @@ class DatasetFolder {
     Sha256 hash;
     hash.add(bytes.data(), bytes.size());
     bytes.replace(digest_place(bytes), no_digest.size(), hash.text());
-    AtomicFile file(description());
-    file.write(bytes.data(), bytes.size());
-    file.commit();
+    write_text(description(), bytes);
   }
 
   /// Refuses a description in which `key` is not what it should be.

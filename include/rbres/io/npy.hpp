@@ -84,8 +84,8 @@ class NpyWriter {
  private:
   static std::vector<Eigen::Index> checked(const std::filesystem::path& path,
                                            std::vector<Eigen::Index> sample_shape) {
-    if (sample_shape.size() > 2)
-      detail::refuse(path.string(), "samples of at most 2 dimensions", sample_shape.size());
+    if (sample_shape.size() > 3)
+      detail::refuse(path.string(), "samples of at most 3 dimensions", sample_shape.size());
     for (const Eigen::Index extent : sample_shape)
       if (extent < 0 || extent > 1 << 30)
         detail::refuse(path.string(), "a sample's extents from 0 to 2^30", extent);
@@ -103,7 +103,7 @@ class NpyWriter {
   AtomicFile file_;
 };
 
-/// Reads a NumPy .npy file (format 1, 2 or 3; C order; 1 to 3 dimensions; little-endian) as columns: the
+/// Reads a NumPy .npy file (format 1, 2 or 3; C order; 1 to 4 dimensions; little-endian) as columns: the
 /// first axis counts samples, the others are one sample's numbers in C order. Scalar is float, double,
 /// std::int32_t, std::int64_t or std::uint8_t, and the file's type must be the same. Every malformed file is
 /// an rbres::Error that names the path and what is wrong; no more is allocated than the file holds.

@@ -85,7 +85,7 @@ class NpyHeaderParser {
     if (!descr || !fortran_order || !shape)
       refuse(path_.string(), "the keys descr, fortran_order and shape", "a .npy header that lacks one");
     if (*fortran_order) refuse(path_.string(), "C order (numpy.ascontiguousarray makes it)", "Fortran order");
-    if (shape->empty() || shape->size() > 3) refuse(path_.string(), "1 to 3 dimensions", shape->size());
+    if (shape->empty() || shape->size() > 4) refuse(path_.string(), "1 to 4 dimensions", shape->size());
     return {*descr, *shape, 0};
   }
 

@@ -1,0 +1,300 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <variant>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include <rbres/io/json_file.hpp>
+#include <rbres/io/npy.hpp>
+#include <rbres/learn/trajectory.hpp>
+
+/// Trajectory sets as folders:
+///   world.json    {"frame_time": s, "gravity": [x, y, z], "planes": [{"normal": [x, y, z], "offset": m},
+///   ...]};
+///                 the free side of a plane is dot(normal, p) >= offset
+///   states.npy    (scenes, frames, bodies, 13): position (m), orientation (x, y, z, w), velocity (m/s, world
+///                 frame), angular velocity (rad/s, body frame)
+///   kind.npy      (scenes, bodies): 0 sphere, 1 box, 2 capsule along z
+///   size.npy      (scenes, bodies, 3), m: radius; half extents; radius and half length; others are ignored
+///   mass.npy      (scenes, bodies), kg
+/// and, where they are there,
+///   length.npy    (scenes): how many frames are valid; otherwise all. What stands behind them is ignored.
+///   inertia.npy   (scenes, bodies, 3): principal moments, kg m^2; otherwise those of uniform solids
+///   material.npy  (scenes, bodies, 2): restitution and friction; otherwise those of Material
+/// Arrays are <f4 or <f8, kind and length <i8. Planes have the restitution and friction of Material.
+namespace rbres {
+namespace detail {
+
+inline std::string shape_text(const std::vector<Eigen::Index>& shape) {
+  std::string all;
+  for (const Eigen::Index extent : shape)
+    all += (all.empty() ? "(" : ", ") + (extent < 0 ? std::string("any") : text(extent));
+  return all + ")";
+}
+
+/// Error where an array's shape is another; an expected extent of -1 fits any but 0.
+inline void require_shape(const std::filesystem::path& path, const std::vector<Eigen::Index>& found,
+                          const std::vector<Eigen::Index>& expected) {
+  bool fits = found.size() == expected.size();
+  for (std::size_t i = 0; fits && i < found.size(); ++i)
+    fits = expected[i] < 0 ? found[i] > 0 : found[i] == expected[i];
+  if (!fits) refuse(path.string(), "shape " + shape_text(expected), shape_text(found));
+}
+
+/// An array of float or double that is read as double, scene by scene.
+class TrajectoryArray {
+ public:
+  TrajectoryArray(const std::filesystem::path& path, const std::vector<Eigen::Index>& expected)
+      : file_(open(path)) {
+    require_shape(path, shape(), expected);
+  }
+
+  const std::vector<Eigen::Index>& shape() const {
+    return std::visit(
+        [](const auto& file) -> const auto& { return file.shape(); }, file_);
+  }
+  /// The numbers of a scene, in C order.
+  Eigen::VectorXd scene(Eigen::Index i) const {
+    const auto read = [&](const auto& file) -> Eigen::VectorXd {
+      return file.read(i, 1).template cast<double>();
+    };
+    return std::visit(read, file_);
+  }
+
+ private:
+  using File = std::variant<NpyReader<float>, NpyReader<double>>;
+
+  static File open(const std::filesystem::path& path) {
+    const std::string descr = read_npy_header(InputFile(path)).descr;
+    if (descr == npy_descr<float>()) return NpyReader<float>(path);
+    if (descr == npy_descr<double>()) return NpyReader<double>(path);
+    refuse(path.string(), "dtype <f4 or <f8", descr);
+  }
+
+  File file_;
+};
+
+/// A folder of trajectories that is open for reading.
+class TrajectoryFolder {
+ public:
+  explicit TrajectoryFolder(const std::filesystem::path& path)
+      : path_(path),
+        states_(path / "states.npy", {-1, -1, -1, 13}),
+        kind_(open_integers("kind.npy", {scenes(), bodies()})),
+        size_(path / "size.npy", {scenes(), bodies(), 3}),
+        mass_(path / "mass.npy", {scenes(), bodies()}) {
+    if (has("inertia.npy")) inertia_.emplace(path / "inertia.npy", Shape{scenes(), bodies(), 3});
+    if (has("material.npy")) material_.emplace(path / "material.npy", Shape{scenes(), bodies(), 2});
+    if (has("length.npy")) length_ = open_integers("length.npy", {scenes()});
+  }
+
+  Eigen::Index scenes() const { return states_.shape()[0]; }
+
+  Trajectory scene(Eigen::Index s) const {
+    const Eigen::Index most = states_.shape()[1];
+    const Eigen::Index frames = length_ ? length_->read(s, 1)(0) : most;
+    if (frames < 2 || frames > most) refuse("length", text("2 to ", most, " frames"), frames);
+    const Eigen::VectorXd numbers = states_.scene(s);
+    std::vector<RigidState<double>> states(static_cast<std::size_t>(frames * bodies()));
+    for (std::size_t k = 0; k < states.size(); ++k)
+      states[k].vector() = numbers.segment<13>(13 * static_cast<Eigen::Index>(k));
+    return {read_bodies(s), std::move(states)};
+  }
+
+ private:
+  using Shape = std::vector<Eigen::Index>;
+  using Integers = NpyReader<std::int64_t>;
+
+  bool has(const char* name) const { return std::filesystem::exists(path_ / name); }
+  Integers open_integers(const char* name, const Shape& expected) const {
+    Integers file(path_ / name);
+    require_shape(path_ / name, file.shape(), expected);
+    return file;
+  }
+  Eigen::Index bodies() const { return states_.shape()[2]; }
+
+  std::vector<Body<double>> read_bodies(Eigen::Index s) const {
+    const auto kinds = kind_.read(s, 1);
+    const Eigen::VectorXd sizes = size_.scene(s), masses = mass_.scene(s);
+    const Eigen::VectorXd moments = inertia_ ? inertia_->scene(s) : Eigen::VectorXd();
+    const Eigen::VectorXd materials = material_ ? material_->scene(s) : Eigen::VectorXd();
+    std::vector<Body<double>> all;
+    const auto read = [&](Eigen::Index i) -> Body<double> {
+      const AnyShape<double> shape = shape_of(kinds(i), sizes.segment<3>(3 * i));
+      Material<double> material;
+      if (material_) material = {materials(2 * i), materials(2 * i + 1)};
+      if (!inertia_) return {shape, masses(i), material};
+      return {shape, masses(i), Vec3<double>(moments.segment<3>(3 * i)), material};
+    };
+    for (Eigen::Index i = 0; i < bodies(); ++i)
+      all.push_back(naming([&] { return text("body ", i, ": "); }, [&] { return read(i); }));
+    return all;
+  }
+  static AnyShape<double> shape_of(std::int64_t kind, const Eigen::Vector3d& size) {
+    if (kind == 0) return Sphere<double>(size(0));
+    if (kind == 1) return Box<double>(size(0), size(1), size(2));
+    if (kind == 2) return Capsule<double>(size(0), size(1));
+    refuse("kind", "0 (sphere), 1 (box) or 2 (capsule)", kind);
+  }
+
+  std::filesystem::path path_;
+  TrajectoryArray states_;
+  Integers kind_;
+  TrajectoryArray size_, mass_;
+  std::optional<TrajectoryArray> inertia_, material_;
+  std::optional<Integers> length_;
+};
+
+inline Vec3<double> vector_at(const Json& object, const char* key, const std::string& what) {
+  const Json& numbers = array_at(object, key, what);
+  const bool fits = numbers.size() == 3 &&
+                    std::all_of(numbers.begin(), numbers.end(), [](const Json& x) { return x.is_number(); });
+  if (!fits) refuse(text(what, ", ", key), "three numbers", "something else");
+  return {numbers[0].get<double>(), numbers[1].get<double>(), numbers[2].get<double>()};
+}
+
+/// Writes one number or more of every body of every scene.
+template <class Numbers>
+void write_bodies(const std::filesystem::path& path, const TrajectorySet& set,
+                  std::vector<Eigen::Index> sample_shape, const Numbers& of) {
+  using Scalar = typename decltype(of(set[0].body(0)))::Scalar;
+  NpyWriter<Scalar> writer(path, std::move(sample_shape));
+  for (const Trajectory& scene : set) {
+    typename NpyWriter<Scalar>::Columns column(writer.features(), 1);
+    const Eigen::Index each = writer.features() / scene.bodies();
+    for (int i = 0; i < scene.bodies(); ++i) column.middleRows(i * each, each) = of(scene.body(i));
+    writer.append(column);
+  }
+  writer.commit();
+}
+
+inline void write_states(const std::filesystem::path& path, const TrajectorySet& set, int frames) {
+  const Eigen::Index bodies = set[0].bodies();
+  NpyWriter<double> writer(path, {frames, bodies, 13});
+  Eigen::MatrixXd column(writer.features(), 1);
+  for (const Trajectory& scene : set) {
+    column.setZero();
+    for (int t = 0; t < scene.frames(); ++t)
+      for (int i = 0; i < scene.bodies(); ++i)
+        column.middleRows<13>(13 * (t * bodies + i)) = scene.state(t, i).vector();
+    writer.append(column);
+  }
+  writer.commit();
+}
+
+inline void write_world(const std::filesystem::path& path, const TrajectorySet& set) {
+  const auto array = [](const Vec3<double>& v) { return Json{v.x, v.y, v.z}; };
+  Json planes = Json::array();
+  for (const Plane<double>& plane : set.planes())
+    planes.push_back({{"normal", array(plane.normal)}, {"offset", plane.offset}});
+  const Json world{{"frame_time", set.frame_time()}, {"gravity", array(set.gravity())}, {"planes", planes}};
+  write_text(path, world.dump(1) + "\n");
+}
+
+inline std::int64_t kind_of(const Body<double>& body) {
+  return static_cast<std::int64_t>(body.shape().index());
+}
+inline Eigen::Vector3d size_of(const Body<double>& body) {
+  struct {
+    Eigen::Vector3d operator()(const Sphere<double>& s) const { return {s.radius, 0, 0}; }
+    Eigen::Vector3d operator()(const Box<double>& s) const { return {s.half.x, s.half.y, s.half.z}; }
+    Eigen::Vector3d operator()(const Capsule<double>& s) const { return {s.radius, s.half_length, 0}; }
+  } size;
+  return std::visit(size, body.shape());
+}
+
+}  // namespace detail
+
+/// Reads a folder of trajectories. Where files are missing or truncated, do not fit together, or hold what no
+/// world can (see Trajectory and TrajectorySet), throws an Error that names the place.
+inline TrajectorySet read_trajectories(const std::filesystem::path& folder) {
+  using detail::text;
+  const std::string world_path = (folder / "world.json").string();
+  const detail::Json world = detail::read_json(world_path);
+  std::vector<Plane<double>> planes;
+  for (const detail::Json& plane : detail::array_at(world, "planes", world_path)) {
+    const std::string what = text(world_path, ", plane ", planes.size());
+    if (!plane.is_object()) detail::refuse(what, "an object", plane.type_name());
+    planes.push_back(
+        {detail::vector_at(plane, "normal", what), detail::number_at(plane, "offset", what), {}});
+  }
+  const double frame_time = detail::number_at(world, "frame_time", world_path);
+  const Vec3<double> gravity = detail::vector_at(world, "gravity", world_path);
+
+  const detail::TrajectoryFolder arrays(folder);
+  std::vector<Trajectory> scenes;
+  for (Eigen::Index s = 0; s < arrays.scenes(); ++s) {
+    scenes.push_back(detail::naming([&] { return text(folder.string(), ", scene ", s, ", "); },
+                                    [&] { return arrays.scene(s); }));
+  }
+  return detail::naming([&] { return world_path + ", "; },
+                        [&] { return TrajectorySet(frame_time, gravity, planes, std::move(scenes)); });
+}
+
+/// Writes a set as such a folder, which is made where there is none. Throws Error where the folder holds
+/// anything, for scenes of different numbers of bodies, and for what the format cannot say: bodies whose
+/// shapes stand askew in their principal axes, planes of another than the default material.
+inline void write_trajectories(const std::filesystem::path& folder, const TrajectorySet& set) {
+  const auto differs = [](const Material<double>& m) {
+    return m.restitution != Material<double>{}.restitution || m.friction != Material<double>{}.friction;
+  };
+  bool lengths = false, moments = false, materials = false;
+  int frames = 0;
+  for (const Trajectory& scene : set) {
+    if (scene.bodies() != set[0].bodies())
+      detail::refuse("scenes to write", detail::text(set[0].bodies(), " bodies, as in the first"),
+                     scene.bodies());
+    frames = std::max(frames, scene.frames());
+    lengths = lengths || scene.frames() != set[0].frames();
+    for (int i = 0; i < scene.bodies(); ++i) {
+      const Body<double>& body = scene.body(i);
+      if (!(body.shape_rotation() == Quat<double>{}))
+        detail::refuse("bodies to write", "shapes along their principal axes", "one askew");
+      moments = moments || !(body.inertia() == Body<double>(body.shape(), body.mass()).inertia());
+      materials = materials || differs(body.material());
+    }
+  }
+  for (const Plane<double>& plane : set.planes())
+    if (differs(plane.material)) detail::refuse("planes to write", "the default material", "another");
+
+  std::error_code problem;
+  std::filesystem::create_directories(folder, problem);
+  if (problem) throw Error(detail::text(folder.string(), ": cannot be made: ", problem.message()));
+  if (!std::filesystem::is_empty(folder))
+    detail::refuse(folder.string(), "an empty folder", "one with files in it");
+
+  using Integer = Eigen::Matrix<std::int64_t, 1, 1>;
+  using Number = Eigen::Matrix<double, 1, 1>;
+  const Eigen::Index bodies = set[0].bodies();
+  detail::write_states(folder / "states.npy", set, frames);
+  detail::write_bodies(folder / "kind.npy", set, {bodies},
+                       [](const auto& b) { return Integer(detail::kind_of(b)); });
+  detail::write_bodies(folder / "size.npy", set, {bodies, 3},
+                       [](const auto& b) { return detail::size_of(b); });
+  detail::write_bodies(folder / "mass.npy", set, {bodies}, [](const auto& b) { return Number(b.mass()); });
+  if (moments) {
+    detail::write_bodies(folder / "inertia.npy", set, {bodies, 3}, [](const auto& b) {
+      return Eigen::Vector3d(b.inertia().x, b.inertia().y, b.inertia().z);
+    });
+  }
+  if (materials) {
+    detail::write_bodies(folder / "material.npy", set, {bodies, 2}, [](const auto& b) {
+      return Eigen::Vector2d(b.material().restitution, b.material().friction);
+    });
+  }
+  if (lengths) {
+    NpyWriter<std::int64_t> writer(folder / "length.npy", {});
+    for (const Trajectory& scene : set) writer.append(Integer(scene.frames()));
+    writer.commit();
+  }
+  detail::write_world(folder / "world.json", set);
+}
+
+}  // namespace rbres
