@@ -107,6 +107,64 @@ TEST_CASE("impossible bodies are refused, and the message says which and why") {
                 "plane 1, friction: expected a number of 0 or more, found nan");
 }
 
+TEST_CASE("numbers whose squares or inverses overflow are refused") {
+  const auto refused = [](const auto& body) {
+    try {
+      body();
+    } catch (const Error& error) {
+      INFO(error.what());
+      CHECK(std::string(error.what()).find(": expected from ") != std::string::npos);
+      return true;
+    }
+    return false;
+  };
+  const auto sphere = [&](double radius, double mass) {
+    return refused([&] { (void)Body{Sphere{radius}, mass}; });
+  };
+  for (const double large : {1e41, 1e200, 1e-41, 1e-200}) CHECK(sphere(0.1, large));
+  for (const double large : {1e16, 1e200, 1e-16, 1e-200}) CHECK(sphere(large, 1));
+  for (const double kept : {1e10, 1e-10}) CHECK(!sphere(kept, 1 / kept));
+  CHECK(refused([] { (void)Body{Box{1.0, 1e200, 1.0}, 1.0}; }));
+  CHECK(refused([] { (void)Body{Capsule{1e-200, 1.0}, 1.0}; }));
+  CHECK(refused([] { (void)Body{Capsule{1.0, 1e200}, 1.0}; }));
+  CHECK(!refused([] { (void)Body{Capsule{1.0, 0.0}, 1.0}; }));
+  for (const double moment : {1e200, 1e-200})
+    CHECK(refused([&] { (void)Body{Sphere{0.1}, 1.0, Vec3<double>{moment, moment, moment}}; }));
+  CHECK(refused([] { (void)Body{Sphere{0.1}, 1.0, Material<double>{0.5, 1e200}}; }));
+  CHECK(refused([] { (void)Body{Sphere{0.1f}, 1e20f}; }));
+  CHECK(refused([] { (void)Body{Sphere{1e-10f}, 1.0f}; }));
+  CHECK(refused([] { (void)Body{Sphere{0.1}, 1e30}.cast<float>(); }));
+}
+
+TEST_CASE_TEMPLATE("bodies at the limits move and collide with finite numbers", S, float, double) {
+  using Limits = BodyLimits<S>;
+  const auto length = static_cast<S>(Limits::length), mass = static_cast<S>(Limits::mass),
+             moment = static_cast<S>(Limits::moment);
+  const Material<S> rough{S(0.5), S(1)};
+  using Box1 = Body<S, Box<S>>;
+  // What turns most and least easily, on the largest and the smallest levers.
+  for (const S& radius : {length, S(1 / length)})
+    for (const S& m : {mass, S(1 / mass)})
+      for (const S& i : {moment, S(1 / moment)}) {
+        CAPTURE(radius);
+        CAPTURE(m);
+        CAPTURE(i);
+        const Box<S> box(radius, radius, radius);
+        const System<S, 2, Box<S>> system{{Box1(box, m, Vec3<S>{i, i, i}, rough), Box1(box, S(1), rough)},
+                                          {floor_plane(rough)}};
+        for (const auto mode : {ContactMode::continuous, ContactMode::discrete}) {
+          SystemState<S, 2> y;
+          y[0].position = {S(0), S(0), S(radius * S(1.001))};
+          y[1].position = {S(radius * S(0.1)), S(0), S(radius * S(3.002))};
+          y[0].velocity.z = -radius, y[1].velocity.x = radius;
+          const auto nothing = [](const auto&, const auto&) { return Wrench<S>{}; };
+          const auto report =
+              simulate(system, y, nothing, Rk4{}, {.step = 0.01, .duration = 0.1, .contacts = mode});
+          CHECK(report.status == SimulationStatus::finished);
+        }
+      }
+}
+
 TEST_CASE("states can be copied as bytes") {
   static_assert(std::is_trivially_copyable_v<Vec3<double>> && std::is_trivially_copyable_v<Quat<float>>);
   static_assert(std::is_trivially_copyable_v<SystemState<float, 3>> &&

@@ -2,6 +2,7 @@
 
 #include <numbers>
 #include <rbres/rbres.hpp>
+#include <unsupported/Eigen/AutoDiff>
 
 using namespace rbres;
 
@@ -55,4 +56,29 @@ TEST_CASE("R diag(d) R^T") {
   const Mat3<double> r = rotation_matrix(about({3, 1, 2}, 1.1));
   const Vec3<double> d{1, 2, 5}, v{0.2, -0.4, 0.9};
   CHECK(distance(rotated_diagonal(r, d) * v, r * scale(d, r.transposed_times(v))) < 1e-15);
+}
+
+TEST_CASE_TEMPLATE("the length of nothing is 0, and has a derivative", S, float, double, Pack<float, 4>,
+                   Pack<double, 2>, Eigen::AutoDiffScalar<Eigen::Vector3d>) {
+  using Lanes = ScalarTraits<S>;
+  Vec3<S> v;
+  if constexpr (requires { v.x.derivatives(); })
+    for (auto [number, i] : {std::pair{&v.x, 0}, {&v.y, 1}, {&v.z, 2}}) *number = S(0, 3, i);
+  const S none = norm(v);
+  CHECK(Lanes::lane(none, Lanes::lanes - 1) == 0);
+  if constexpr (requires { none.derivatives(); }) CHECK(none.derivatives().allFinite());
+  v.x = S(3), v.z = S(-4);
+  const S five = norm(v);
+  CHECK(Lanes::lane(five, 0) == 5);
+  // In one lane alone, and as short as squares allow.
+  if constexpr (Packed<S>) {
+    S x = five;
+    Lanes::set_lane(x, 1, 0);
+    const S some = norm(Vec3<S>{x, S(0), S(0)});
+    CHECK(Lanes::lane(some, 0) == 5);
+    CHECK(Lanes::lane(some, 1) == 0);
+  }
+  v = {S(1e-15f), S(0), S(0)};
+  const S tiny = norm(v);
+  CHECK(Lanes::lane(tiny, 0) > 0);
 }

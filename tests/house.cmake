@@ -20,11 +20,21 @@ add_library(rbres_self_contained OBJECT EXCLUDE_FROM_ALL ${alone})
 target_link_libraries(rbres_self_contained PRIVATE ${library} rbres_development)
 
 get_target_property(eigen_folders Eigen3::Eigen INTERFACE_INCLUDE_DIRECTORIES)
-set(compile_pair ${CMAKE_CXX_COMPILER} -std=c++20 -fsyntax-only -I${PROJECT_SOURCE_DIR}/include -I${eigen_folders}
-  ${CMAKE_CURRENT_SOURCE_DIR}/compile_fail/missing_pair.cpp)
-add_test(NAME compile_known_pair COMMAND ${compile_pair} -DRBRES_KNOWN_PAIR)
-add_test(NAME compile_missing_pair COMMAND ${compile_pair})
-set_tests_properties(compile_missing_pair PROPERTIES PASS_REGULAR_EXPRESSION "no matching function for call to [^\n]*detect")
+# rbres_compile_test(NAME SOURCE ERROR [FLAG]): compiling the source must end with the error; "" for none.
+function(rbres_compile_test name source error)
+  add_test(NAME compile_${name} COMMAND ${CMAKE_CXX_COMPILER} -std=c++20 -fsyntax-only -I${PROJECT_SOURCE_DIR}/include
+    -I${eigen_folders} ${CMAKE_CURRENT_SOURCE_DIR}/compile_fail/${source} ${ARGN})
+  if(error)
+    set_tests_properties(compile_${name} PROPERTIES PASS_REGULAR_EXPRESSION "${error}")
+  endif()
+endfunction()
+rbres_compile_test(known_pair missing_pair.cpp "" -DRBRES_KNOWN_PAIR)
+rbres_compile_test(missing_pair missing_pair.cpp "no matching function for call to [^\n]*detect")
+rbres_compile_test(observer observer.cpp "")
+rbres_compile_test(observer_other_arguments observer.cpp "called as .double time" -DRBRES_OTHER_ARGUMENTS)
+rbres_compile_test(observer_changes_the_state observer.cpp "called as .double time" -DRBRES_CHANGES_THE_STATE)
+rbres_compile_test(observer_returns_a_number observer.cpp "returns nothing, or bool" -DRBRES_RETURNS_A_NUMBER)
+rbres_compile_test(observer_other_impact observer.cpp "impact is called as" -DRBRES_OTHER_IMPACT)
 
 # The proof that comes with the library, as a test.
 if(TARGET rbres_validate)

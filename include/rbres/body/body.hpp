@@ -32,6 +32,7 @@ void check_material(const Material<S>& m) {
   if (!(m.friction >= S(0)) || !is_finite(m.friction)) {
     refuse("friction", "a number of 0 or more", m.friction);
   }
+  check_within("friction", m.friction, 0, BodyLimits<S>::friction, "");
 }
 }  // namespace detail
 
@@ -126,6 +127,7 @@ class Body {
                                                   // checked
       naming(shape, mass, [&] {
         if (!(mass > S(0)) || !is_finite(mass)) detail::refuse("mass", "a positive number of kg", mass);
+        detail::check_within("mass", mass, 1 / BodyLimits<S>::mass, BodyLimits<S>::mass, " kg");
         detail::with_shape(shape, [](const auto& s) { s.check(); });
         check_moments(inertia.moments);
         detail::check_material(material);

@@ -1,7 +1,7 @@
 #pragma once
 
 #include <Eigen/Eigenvalues>
-#include <rbres/core/error.hpp>
+#include <rbres/body/limits.hpp>
 #include <rbres/core/vector.hpp>
 
 namespace rbres {
@@ -13,7 +13,8 @@ struct PrincipalInertia {
   Quat<S> axes;     ///< turns principal-axis vectors into the frame in which the tensor was given
 };
 
-/// Refuses moments that no body can have: not positive, or one larger than the sum of the other two.
+/// Refuses moments that no body can have: not positive, beyond BodyLimits, or one larger than the sum
+/// of the other two.
 template <class S>
 void check_moments(const Vec3<S>& moments) {
   const S m[3] = {moments.x, moments.y, moments.z};
@@ -21,6 +22,7 @@ void check_moments(const Vec3<S>& moments) {
   for (int i = 0; i < 3; ++i) {
     if (!(m[i] > S(0)) || !is_finite(m[i]))
       detail::refuse("inertia", "three positive moments (kg m^2)", found);
+    detail::check_within("inertia", m[i], 1 / BodyLimits<S>::moment, BodyLimits<S>::moment, " kg m^2");
   }
   for (int i = 0; i < 3; ++i) {
     // Flat bodies reach equality, so rounding is let through.

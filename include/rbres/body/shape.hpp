@@ -1,7 +1,7 @@
 #pragma once
 
 #include <numbers>
-#include <rbres/core/error.hpp>
+#include <rbres/body/limits.hpp>
 #include <rbres/core/vector.hpp>
 #include <variant>
 
@@ -11,7 +11,8 @@ namespace rbres {
 /// largest speed at which a unit spin moves the surface along its normal, m), volume() (m^3),
 /// unit_inertia() (principal moments of a uniform solid over its mass, m^2), and frontal(v, factor): the
 /// factor times the area it turns towards a body-frame velocity v times |v| (m^3/s), from which the fluid's
-/// friction follows; describe(), for messages; and check(), which throws Error for sizes that no shape has.
+/// friction follows; describe(), for messages; and check(), which throws Error for sizes that no shape has,
+/// or beyond BodyLimits.
 
 /// A ball.
 template <class S>
@@ -34,9 +35,7 @@ struct Sphere {
     return {as<T>(radius)};
   }
   std::string describe() const { return detail::text("sphere of radius ", radius, " m"); }
-  void check() const {
-    if (!(radius > S(0)) || !is_finite(radius)) detail::refuse("sphere radius", "a positive length", radius);
-  }
+  void check() const { detail::check_length("sphere radius", radius); }
 };
 
 /// A cuboid, axes along the body's.
@@ -67,9 +66,7 @@ struct Box {
     return detail::text("box of half extents (", half.x, ", ", half.y, ", ", half.z, ") m");
   }
   void check() const {
-    for (const S& h : {half.x, half.y, half.z}) {
-      if (!(h > S(0)) || !is_finite(h)) detail::refuse("box half extent", "a positive length", h);
-    }
+    for (const S& h : {half.x, half.y, half.z}) detail::check_length("box half extent", h);
   }
 };
 
@@ -105,10 +102,11 @@ struct Capsule {
     return detail::text("capsule of radius ", radius, " m and half length ", half_length, " m");
   }
   void check() const {
-    if (!(radius > S(0)) || !is_finite(radius)) detail::refuse("capsule radius", "a positive length", radius);
+    detail::check_length("capsule radius", radius);
     if (!(half_length >= S(0)) || !is_finite(half_length)) {
       detail::refuse("capsule half length", "a length of 0 or more", half_length);
     }
+    detail::check_within("capsule half length", half_length, 0, BodyLimits<S>::length, " m");
   }
 };
 

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstddef>
 #include <exception>
+#include <rbres/core/error.hpp>
 
 #ifdef _OPENMP
 #include <omp.h>
@@ -22,6 +23,11 @@ inline int default_threads() noexcept {
 }
 
 namespace detail {
+
+/// Throws Error for a number of threads that nobody means.
+inline void check_threads(int threads) {
+  if (threads < 0 || threads > 4096) refuse("threads", "0 to 4096", threads);
+}
 
 /// The first exception of several threads, which must not leave the code that they run together.
 class FirstException {
@@ -45,11 +51,12 @@ class FirstException {
 
 }  // namespace detail
 
-/// Calls task(i) for i in [0, count), over `threads` threads (0: default_threads()). Tasks must not share
-/// what they write: then the result cannot depend on the number of threads. Where a task throws, no new ones
-/// begin, and the first exception goes to the caller.
+/// Calls task(i) for i in [0, count), over `threads` threads (0: default_threads(); Error for others than 0
+/// to 4096). Tasks must not share what they write: then the result cannot depend on the number of threads.
+/// Where a task throws, no new ones begin, and the first exception goes to the caller.
 template <class Task>
 void parallel_for(std::ptrdiff_t count, int threads, const Task& task) {
+  detail::check_threads(threads);
 #ifdef _OPENMP
   const int team = threads > 0 ? threads : default_threads();
   if (team > 1) {
@@ -66,8 +73,6 @@ void parallel_for(std::ptrdiff_t count, int threads, const Task& task) {
     first.rethrow();
     return;
   }
-#else
-  static_cast<void>(threads);
 #endif
   for (std::ptrdiff_t i = 0; i < count; ++i) task(i);
 }
@@ -139,6 +144,7 @@ class Team {
 /// fewer. It may throw where all of them do, as share() does; the caller gets the first exception.
 template <class Body>
 void parallel_team(int threads, const Body& body) {
+  detail::check_threads(threads);
 #ifdef _OPENMP
   const int size = threads > 0 ? threads : default_threads();
   if (size > 1) {
@@ -152,8 +158,6 @@ void parallel_team(int threads, const Body& body) {
     shared.exception.rethrow();
     return;
   }
-#else
-  static_cast<void>(threads);
 #endif
   body(Team());
 }

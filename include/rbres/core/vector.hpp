@@ -52,10 +52,12 @@ template <class S>
 S squared_norm(const Vec3<S>& a) {
   return dot(a, a);
 }
+/// The length. Its derivative is finite at zero, too.
 template <class S>
 [[gnu::always_inline]] inline S norm(const Vec3<S>& a) {
-  const S squared = a.x * a.x + (a.y * a.y + (a.z * a.z + S(Constants<S>::tiny)));
-  return positive_root(squared);
+  const S tiny(Constants<S>::tiny);
+  const S squared = a.x * a.x + (a.y * a.y + (a.z * a.z + tiny));
+  return select(squared == tiny, S(0), positive_root(squared));
 }
 template <class S>
 Vec3<S> absolute(const Vec3<S>& a) {

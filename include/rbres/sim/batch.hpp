@@ -32,11 +32,12 @@ struct BatchSample {
 };
 
 /// Simulates scenarios 0 ... count - 1 of one system, one scenario per lane of S (a Pack, or a plain scalar),
-/// over `threads` threads (0: default_threads()). start(i) gives scenario i's state; forces(lanes) the force
-/// model of the scenarios in lanes[0], lanes[1], ... as it acts on S (scenarios past the end repeat the last
-/// one); observe(BatchSample) is called at the start, at every sample and at the end, from several threads at
-/// once but for one scenario never twice at the same time. No bit of the result depends on the threads.
-/// Throws Error for options and starts that make no sense, see check_state; start(i) is called twice.
+/// over `threads` threads (0: default_threads(), at most 4096). start(i) gives scenario i's state;
+/// forces(lanes) the force model of the scenarios in lanes[0], lanes[1], ... as it acts on S (scenarios past
+/// the end repeat the last one); observe(BatchSample) is called at the start, at every sample and at the end,
+/// from several threads at once but for one scenario never twice at the same time. No bit of the result
+/// depends on the threads. Orientations are made unit at the start. Throws Error for options, numbers and
+/// starts that make no sense, see check_state; start(i) is called twice.
 template <class S, class T, int N, class Shape, class Start, class MakeForces, class Integrator,
           class Observe>
 void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, const Start& start,
@@ -45,7 +46,11 @@ void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, con
   using Value = typename ScalarTraits<S>::Value;
   static_assert(std::is_same_v<Value, T>, "the lanes hold numbers of the system's scalar");
   constexpr int L = ScalarTraits<S>::lanes;
+  static_assert(std::is_void_v<std::invoke_result_t<const Observe&, const BatchSample<T, N>&>>,
+                "a batch's observer is called with a BatchSample and returns nothing");
   options.check();
+  detail::check_threads(threads);
+  if (count < 0) detail::refuse("scenarios", "0 or more", count);
   for (std::ptrdiff_t i = 0; i < count; ++i) {
     detail::naming([&] { return detail::text("scenario ", i, ": "); },
                    [&] { check_state(system, start(i)); });
@@ -60,7 +65,9 @@ void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, con
     typename Lanes::State y;
     for (int l = 0; l < L; ++l) {
       index[static_cast<std::size_t>(l)] = std::min(block * L + l, count - 1);
-      set_lane(y, l, start(index[static_cast<std::size_t>(l)]));
+      SystemState<T, N> first = start(index[static_cast<std::size_t>(l)]);
+      normalize_orientations(first);
+      set_lane(y, l, first);
     }
     const auto model = forces(std::as_const(index));
     Stepper<Lanes, std::decay_t<decltype(model)>, Integrator> stepper(lanes_system, model, integrator,

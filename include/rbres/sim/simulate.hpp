@@ -1,7 +1,9 @@
 #pragma once
 
+#include <limits>
 #include <rbres/body/check_state.hpp>
 #include <rbres/sim/continuous_contact.hpp>
+#include <rbres/sim/observer.hpp>
 #include <utility>
 
 namespace rbres {
@@ -46,16 +48,25 @@ class Stepper {
   }
   Stepper(System&&, const Model&, const Integrator&, const SimulationOptions&) = delete;
 
-  /// y at t becomes y at t + h. Returns the first body that is no longer finite, or -1; then y is as it was
-  /// in the lanes where it happened.
+  /// y at t becomes y at t + h, h of 0 s or more. Returns -1, or the first body that is no longer finite;
+  /// then y is as it was in the lanes where it happened. Where t or h is not finite or h is negative, nothing
+  /// moves, and that is body 0. `observer` may have impact(time, before, after), see ContinuousContact.
   template <class Observer>
   int step(State& y, const S& t, const S& h, Observer& observer) {
+    detail::check_impacts<State, S>(observer);
     const State before = y;
+    const MaskOf<S> forward = h >= S(0);
+    const MaskOf<S> sound = forward & is_finite(S(t + h));
+    const S time = select(sound, h, S(0));
     if (options_.contacts == ContactMode::continuous) {
-      continuous_.step(forces_, integrator_, y, t, h, observer, tally_);
+      continuous_.step(forces_, integrator_, y, t, time, observer, tally_);
     } else {
-      fly_on(*system_, forces_, integrator_, y, t, h);
+      fly_on(*system_, forces_, integrator_, y, t, time);
       discrete_.resolve(before, y, as<S>(options_.rest_speed), tally_);
+    }
+    if (!all(sound)) {
+      constexpr auto nan = std::numeric_limits<typename Constants<S>::Real>::quiet_NaN();
+      y[0].position.x = select(sound, y[0].position.x, S(nan));
     }
     return keep_finite(before, y);
   }
@@ -126,30 +137,36 @@ void check_state(const System& system, const typename System::State& y) {
   }
 }
 
+/// Makes quaternions unit that rounding to float, or less than check_state lets through, has left otherwise.
+/// Those that a run left are unit, and keep their bits.
+template <class State>
+void normalize_orientations(State& y) {
+  for (auto& body : y.body) {
+    using S = std::remove_cvref_t<decltype(body.position.x)>;
+    using std::abs;
+    const S off = abs(S(squared_norm(body.orientation) - S(1)));
+    if (off > S(as<S>(16) * S(Constants<S>::epsilon))) body.orientation = normalized(body.orientation);
+  }
+}
+
 /// Simulates `state` over options.duration (s) and leaves it at the end. `observer` is callable as (time,
-/// state) and may return false to stop; it sees the start, every sample and the end, and changes no bit of
-/// the result: see StepPlan. It may also have impact(time, before, after), see ContinuousContact. Throws
-/// Error for options and states that make no sense.
+/// state) and returns nothing, or bool: false stops the run. It sees the start, its orientations made unit,
+/// every sample and the end, and changes no bit of the result: see StepPlan. It may also, or only, have
+/// impact(time, before, after), see ContinuousContact; anything else does not compile. Throws Error for
+/// options and states that make no sense.
 template <class System, class Model, class Integrator, class Observer>
 SimulationReport simulate(const System& system, typename System::State& state, const Model& forces,
                           const Integrator& integrator, const SimulationOptions& options,
                           Observer&& observer) {
   using S = typename System::Scalar;
   static_assert(!Packed<S>, "simulate runs one scenario; simulate_batch runs many in lanes");
+  detail::check_observer<typename System::State, S>(observer);
   Stepper<System, Model, Integrator> stepper(system, forces, integrator, options);
   check_state(system, state);
+  normalize_orientations(state);
   SimulationReport report;
   const StepPlan plan(options);
-  const auto look = [&](double time) {
-    if constexpr (std::is_invocable_r_v<bool, Observer&, double, const typename System::State&>) {
-      return static_cast<bool>(observer(time, std::as_const(state)));
-    } else if constexpr (std::is_invocable_v<Observer&, double, const typename System::State&>) {
-      observer(time, std::as_const(state));
-      return true;
-    } else {
-      return true;
-    }
-  };
+  const auto look = [&](double time) { return detail::observed(observer, time, std::as_const(state)); };
   bool going = look(0.0);
   for (long k = 0; k < plan.parts() && going && report.bad_body < 0; ++k) {
     const StepPlan::Part part = plan.part(k);

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <concepts>
+#include <rbres/core/scalar.hpp>
+#include <type_traits>
+#include <utility>
+
+namespace rbres::detail {
+
+/// Whether T has a member of the name `impact`, whatever it is: a second one makes the name ambiguous.
+struct HasImpact {
+  void impact();
+};
+template <class T>
+struct WithImpact : T, HasImpact {};
+template <class T>
+concept NamesImpact = std::is_class_v<T> && !std::is_final_v<T> && !requires {
+  &WithImpact<T>::impact;
+};
+
+template <class Observer, class State, class Time>
+concept HearsImpacts = requires(Observer& observer, const Time& time, const State& state) {
+  observer.impact(time, state, state);
+};
+template <class Observer, class State>
+concept HearsSamples = std::is_invocable_v<Observer&, double, const State&>;
+
+/// What does not fit is an error of the compiler's: an observer that is passed over in silence sees nothing.
+/// Lanes have no impacts to show.
+template <class State, class Time, class Observer>
+constexpr void check_impacts(const Observer&) {
+  static_assert(Packed<Time> || !NamesImpact<Observer> || HearsImpacts<Observer, State, Time>,
+                "an observer's impact is called as (time, state before, state after)");
+}
+template <class State, class Time, class Observer>
+constexpr void check_observer(const Observer& observer) {
+  check_impacts<State, Time>(observer);
+  static_assert(HearsSamples<Observer, State> || HearsImpacts<Observer, State, Time>,
+                "an observer is called as (double time, const State& state)");
+  if constexpr (HearsSamples<Observer, State>) {
+    using Answer = std::remove_cvref_t<std::invoke_result_t<Observer&, double, const State&>>;
+    static_assert(std::is_void_v<Answer> || std::same_as<Answer, bool>,
+                  "an observer returns nothing, or bool: false stops the run");
+  }
+}
+
+/// Shows the observer a state. False where it stops the run.
+template <class Observer, class State>
+bool observed(Observer& observer, double time, const State& state) {
+  if constexpr (std::is_invocable_r_v<bool, Observer&, double, const State&>) {
+    return observer(time, state);
+  } else if constexpr (HearsSamples<Observer, State>) {
+    observer(time, state);
+  }
+  return true;
+}
+
+}  // namespace rbres::detail
