@@ -194,6 +194,29 @@ TEST_CASE("a checkpoint of another optimiser, of other settings or of other samp
   CHECK(same_bits(same.network(), trainer.network()));
 }
 
+TEST_CASE("a run with more epochs goes on, but not down a cosine of another length") {
+  const TemporaryFolder folder;
+  const auto path = folder / "checkpoint";
+  SmallRun run;
+  for (const auto kind : {Schedule::Kind::constant, Schedule::Kind::cosine}) {
+    run.options.schedule.kind = kind;
+    run.options.epochs = 6;
+    auto first = run.trainer();
+    first.train();
+    save_checkpoint(path, first);
+    run.options.epochs = 9;
+    auto second = run.trainer();
+    const std::string error = error_of([&] { load_checkpoint(path, second); });
+    if (kind == Schedule::Kind::constant) {
+      CHECK(error == "");
+      continue;
+    }
+    CHECK(contains(error, path.string() + ": metadata 'options'"));
+    CHECK(contains(error, "over 9 epochs"));
+    CHECK(contains(error, "over 6 epochs"));
+  }
+}
+
 TEST_CASE("losses that are NaN, as where nothing validates, come back with the others") {
   const TemporaryFolder folder;
   const auto path = folder / "checkpoint";

@@ -287,6 +287,15 @@ TEST_CASE("batches, indices and sizes that do not fit are refused") {
         "Backpropagation::run: samples: targets: expected 2 x 100, found 4 x 100");
   CHECK(run({1}, {columns(other), columns(y)}) ==
         "Backpropagation::run: samples: inputs: expected 3 x 100, found 4 x 100");
+  for (const double rate : {1.0, std::nan(""), std::numeric_limits<double>::infinity()}) {
+    CAPTURE(rate);
+    const DropoutMask mask{.rate = rate};
+    const std::string expected = detail::text("DropoutMask::rate: expected below 1, found ", rate);
+    CHECK(error_of([&] { pass.run(net, samples, {}, first_items(8), mask, {}); }) == expected);
+    Tape<Net> tape(8);
+    Matrix<float> outputs(2, 8);
+    CHECK(error_of([&] { tape.record(net, x.leftCols(8), outputs, mask); }) == expected);
+  }
   CHECK(run({1}, samples, {.output_weights = {1}}) ==
         "Loss::output_weights: expected 2 numbers or none, found 1");
   CHECK(error_of([] { Backpropagation<Net>(0); }) ==
@@ -306,6 +315,7 @@ TEST_CASE("batches, indices and sizes that do not fit are refused") {
 
   const ColumnsObjective<Net> none(Samples<float>{}), some(samples);
   using Mean = Evaluation<Net, ColumnsObjective<Net>>;
+  CHECK(error_of([&] { Mean(some, 2'000'000'000); }) == "threads: expected 0 to 4096, found 2000000000");
   CHECK(error_of([&] { Mean(none, 1); }) == "Evaluation: items: expected at least one, found 0");
   CHECK(error_of([&] { Mean(some, 1).mean(net, none); }) ==
         "Evaluation::mean: items: expected at least one, found 0");

@@ -213,6 +213,34 @@ TEST_CASE("a fingerprint tells apart what changes the bits, and nothing else") {
   CHECK(print(data.y, same, Adam{}) == first);
 }
 
+TEST_CASE("a run goes on with another number of epochs only where its rates do not depend on it") {
+  const Regression data;
+  const auto print = [&](int epochs, const auto& schedule) {
+    Trainer trainer(Line(1), data.samples(), {}, data.options(epochs));
+    trainer.set_schedule(schedule);
+    return trainer.fingerprint();
+  };
+  const auto extends = [&](const auto& schedule) { return print(4, schedule) == print(9, schedule); };
+  const Schedule cosine{.kind = Schedule::Kind::cosine};
+  CHECK(!extends(cosine));
+  CHECK(!extends(WarmUp{cosine, 5}));
+  CHECK(!extends(Plateau{cosine}));
+  CHECK(print(4, cosine) == print(4, cosine));
+  for (const auto kind : {Schedule::Kind::power, Schedule::Kind::constant}) {
+    CHECK(extends(Schedule{.kind = kind}));
+    CHECK(extends(WarmUp{Plateau{Schedule{.kind = kind}}, 5}));
+  }
+  struct Halves {
+    double operator()(const TrainingTime& now) const { return 2 * now.epoch < now.epochs ? 1e-3 : 1e-4; }
+    bool spans_run() const { return true; }
+  };
+  CHECK(!extends(Halves{}));
+  CHECK(extends([](const TrainingTime&) { return 1e-3; }));
+  auto options = data.options(4);
+  options.schedule = cosine;
+  CHECK(Trainer(Line(1), data.samples(), {}, options).fingerprint() == print(4, cosine));
+}
+
 TEST_CASE("numbers out of their range are refused before anything is trained") {
   const Regression data;
   const double nan = std::nan(""), infinite = std::numeric_limits<double>::infinity();

@@ -220,6 +220,47 @@ TEST_CASE("numbers that are not finite are refused with row and column") {
       Error);
 }
 
+TEST_CASE("weights that are none are refused, those of samples and those of outputs") {
+  const Smooth train(100, 1);
+  Matrix<float> weights = Matrix<float>::Ones(2, 100);
+  const auto error = [&](const Loss<float>& loss) -> std::string {
+    try {
+      Trainer(Small(1), {columns(train.x), columns(train.y), columns(weights)}, {}, short_run(), Adam{},
+              loss);
+    } catch (const Error& problem) {
+      return problem.what();
+    }
+    return "";
+  };
+  const float infinite = std::numeric_limits<float>::infinity();
+  for (const float bad : {-1.0f, -1e-30f, infinite, -infinite, std::nanf("")}) {
+    CAPTURE(bad);
+    weights(1, 42) = bad;
+    CHECK(error({}).starts_with(
+        "Trainer: training samples: weights: row 1, column 42: expected a finite number "
+        "of at least 0, found "));
+    weights(1, 42) = 0;
+    CHECK(error({.output_weights = {1, bad}})
+              .starts_with("Loss::output_weights: number 1: expected a finite number of at least 0, found "));
+  }
+  CHECK(error({.output_weights = {0, 1}}) == "");
+}
+
+TEST_CASE("a trainer that is assigned goes on as the one that it was assigned from") {
+  const Smooth first(100, 1), other(150, 2);
+  Trainer a(Small(1), first.samples(), first.samples(), short_run());
+  Trainer b(Small(2), other.samples(), other.samples(), {.epochs = 4, .batch_size = 30, .threads = 1});
+  b.run_epoch();
+  a = b;
+  CHECK(a.fingerprint() == b.fingerprint());
+  Trainer c(Small(3), first.samples(), {}, short_run());
+  c = Trainer(b);
+  for (Trainer<Small>* trainer : {&a, &b, &c}) trainer->train();
+  CHECK(same_bits(a.network(), b.network()));
+  CHECK(same_bits(c.best(), b.best()));
+  CHECK(!same_bits(a.network(), Small(2)));
+}
+
 TEST_CASE("options and sizes that make no sense are refused") {
   const Smooth train(100, 1);
   const auto build = [&](const TrainingOptions& options) { Trainer(Small(1), train.samples(), {}, options); };

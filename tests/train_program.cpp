@@ -59,13 +59,23 @@ class Training {
     }
     ::close(ends[1]);
     output_ = ends[0];
-    std::string heard;
-    for (char c; !contains(heard, until) && ::read(output_, &c, 1) == 1;) heard += c;
-    REQUIRE(contains(heard, until));
+    hear(until);
   }
   Training(const Training&) = delete;
   Training& operator=(const Training&) = delete;
 
+  void hear(const std::string& until) {
+    std::string heard;
+    for (char c; !contains(heard, until) && ::read(output_, &c, 1) == 1;) heard += c;
+    REQUIRE(contains(heard, until));
+  }
+  /// From now on its files can grow to so many bytes only.
+  void limit_files(rlim_t size) {
+    rlimit limit{};
+    REQUIRE(::prlimit(child_, RLIMIT_FSIZE, nullptr, &limit) == 0);
+    limit.rlim_cur = size;
+    REQUIRE(::prlimit(child_, RLIMIT_FSIZE, &limit, nullptr) == 0);
+  }
   void kill() {
     ::kill(child_, SIGKILL);
     REQUIRE(WIFSIGNALED(ended()));
@@ -211,6 +221,63 @@ TEST_CASE("a file that appears at --out stays, and the model is not lost") {
   CHECK(read_bytes(error.substr(at, error.size() - at - 1)) == read_bytes(folder / "alone"));
 }
 
+TEST_CASE("a disk that is full for a while: the run goes on, and nothing of it is lost") {
+  const TemporaryFolder folder;
+  const std::string options = "--epochs 200 --patience 0 ";
+  REQUIRE(train(folder, options + "--out alone --log whole.csv").status == 0);
+  const FileSizeLimit sigxfsz_is_ignored(RLIM_INFINITY);
+  // The pipe holds some 30 epochs that nobody has heard of yet.
+  Training run(folder, options + "--out model --log log.csv --checkpoint run", "epoch   5/");
+  run.limit_files(100);
+  run.hear("epoch  90/");
+  const std::string log = read_bytes(folder / "log.csv");
+  CHECK(!contains(log, "\n80,"));
+  run.limit_files(RLIM_INFINITY);
+  CHECK(run.finish() == 0);
+  CHECK(contains(read_bytes(folder / ".err"), "log.csv: cannot write: "));
+  CHECK(contains(read_bytes(folder / ".err"), "run: cannot write: "));
+  CHECK(read_bytes(folder / "model") == read_bytes(folder / "alone"));
+  CHECK(read_bytes(folder / "log.csv") == read_bytes(folder / "whole.csv"));
+  REQUIRE(train(folder, options + "--checkpoint run --resume --out again").status == 0);
+  CHECK(read_bytes(folder / "again") == read_bytes(folder / "alone"));
+}
+
+TEST_CASE("a checkpoint that can no longer be written costs no model, and is said") {
+  const TemporaryFolder folder;
+  const std::string options = "--epochs 60 --patience 0 ";
+  REQUIRE(train(folder, options + "--out alone").status == 0);
+  std::filesystem::create_directory(folder / "away");
+  Training run(folder, options + "--out model --checkpoint away/run", "epoch   5/");
+  std::filesystem::remove_all(folder / "away");
+  CHECK(run.finish() == 2);
+  const std::string error = read_bytes(folder / ".err");
+  CHECK(contains(error, "away/run: cannot write: "));
+  CHECK(contains(error, "; the model is model\n"));
+  CHECK(read_bytes(folder / "model") == read_bytes(folder / "alone"));
+}
+
+TEST_CASE("links are not followed, also those that lead nowhere") {
+  const TemporaryFolder folder;
+  REQUIRE(train(folder, "--checkpoint run --log log.csv").status == 0);
+  std::filesystem::create_symlink("victim", folder / "dangling");
+  std::filesystem::create_symlink("log.csv", folder / "link");
+  for (const char* option : {"--log", "--out", "--json", "--checkpoint"}) {
+    CHECK(contains(refusal(folder, RBRES_TRAIN,
+                           with((std::string(option) == "--out" ? "" : "--out new ") + std::string(option) +
+                                " dangling")),
+                   std::string(option) + ": dangling exists and would be overwritten"));
+    CHECK(!std::filesystem::exists(folder / "victim"));
+  }
+  const std::string resume = "--out new --resume --checkpoint run --log ";
+  const std::string expected =
+      ": expected the log of the run that is resumed, or no file, found another file or a";
+  CHECK(contains(refusal(folder, RBRES_TRAIN, with(resume + "dangling")), "--log: dangling" + expected));
+  CHECK(contains(refusal(folder, RBRES_TRAIN, with(resume + "link")), "--log: link" + expected));
+  CHECK(!std::filesystem::exists(folder / "victim"));
+  std::filesystem::create_hard_link(folder / "log.csv", folder / "other");
+  CHECK(contains(refusal(folder, RBRES_TRAIN, with(resume + "other")), "--log: other" + expected));
+}
+
 TEST_CASE("a disk without room for the model is found before training") {
   const TemporaryFolder folder;
   const FileSizeLimit limit(500'000);
@@ -236,6 +303,13 @@ TEST_CASE("optimisers, schedules, a log; a run is extended, and a model is train
   CHECK(contains(text, "\n5,"));
   CHECK(contains(refusal(folder, RBRES_TRAIN, with("--out new --resume --checkpoint run --epochs 9")),
                  "run: metadata 'options'"));
+
+  // A cosine is as long as its run.
+  REQUIRE(train(folder, "--schedule cosine --checkpoint waves --epochs 3 --out wave").status == 0);
+  const std::string longer = refusal(
+      folder, RBRES_TRAIN, with("--schedule cosine --checkpoint waves --resume --epochs 5 --out new"));
+  CHECK(contains(longer, "over 5 epochs"));
+  CHECK(contains(longer, "over 3 epochs"));
 
   for (const std::string other : {"--optimizer sgd --learning-rate 1e-4", "--schedule cosine", "--clip 0.01"})
     REQUIRE(train(folder, other + " --out " + std::to_string(other.size())).status == 0);

@@ -23,11 +23,12 @@ class Backpropagation {
 
   /// The mean loss over the samples order[0], order[1], ..., one to as many as a batch has, and all that
   /// gradients are made from. The threads of a team share the samples; all of them call it and get the loss.
-  /// Throws Error where a size, or a number of a sample, does not fit.
+  /// Throws Error where a size, a number of a sample, a weight of the loss or the mask's rate does not fit.
   double run(const Net& network, const Samples<T>& samples, const Loss<T>& loss,
              std::span<const std::uint32_t> order, const DropoutMask& mask, const Team& team,
              bool to_input = false) {
     check(samples, loss, order);
+    mask.check();
     const auto size = static_cast<Eigen::Index>(order.size());
     if (team.index() == 0) count_ = size;
     const Eigen::Index part = (size + team.size() - 1) / team.size();

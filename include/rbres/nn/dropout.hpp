@@ -1,5 +1,6 @@
 #pragma once
 
+#include <rbres/core/error.hpp>
 #include <rbres/core/philox.hpp>
 #include <rbres/nn/kernels.hpp>
 
@@ -19,6 +20,11 @@ struct DropoutMask {
   std::uint64_t seed = 0;
   std::uint64_t step = 0;
   std::uint32_t first = 0;  ///< number of the first sample, so that parts of a batch differ
+
+  /// Throws Error where the rate is none.
+  void check() const {
+    if (!(rate < 1)) detail::refuse("DropoutMask::rate", "below 1", rate);
+  }
 };
 
 namespace detail {

@@ -17,8 +17,9 @@ namespace rbres {
 template <class Net, Objective<Net> O>
 class Evaluation {
  public:
-  /// Throws Error where the objective has no items.
+  /// Throws Error where the objective has no items, or threads are not 0 to 4096.
   Evaluation(const O& objective, int threads) {
+    detail::check_threads(threads);
     if (objective.count() < 1) detail::refuse("Evaluation: items", "at least one", objective.count());
     const auto asked = std::ptrdiff_t{threads > 0 ? threads : default_threads()};
     const std::ptrdiff_t most = std::min(most_chunks, detail::chunks(objective, objective.count()));

@@ -8,13 +8,28 @@
 #include <cstddef>
 #include <functional>
 #include <iterator>
+#include <limits>
+#include <new>
+#include <string_view>
 #include <vector>
 
 namespace rbres {
 
-/// A view of a column-major matrix whose columns are samples.
+/// A view of a column-major matrix whose columns are samples. Unlike an Eigen::Map that is assigned to it
+/// looks at another matrix.
 template <class T>
-using ColumnsView = Eigen::Map<const Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>>;
+class ColumnsView : public Eigen::Map<const Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>> {
+  using Map = Eigen::Map<const Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>>;
+
+ public:
+  using Map::Map;
+  ColumnsView(const ColumnsView&) = default;
+  ColumnsView& operator=(const ColumnsView& other) noexcept {
+    // As Eigen's manual sets a Map anew.
+    new (static_cast<Map*>(this)) Map(other.data(), other.rows(), other.cols());
+    return *this;
+  }
+};
 
 /// View of a matrix that lives at least as long as the view.
 template <class T>
@@ -29,7 +44,8 @@ template <class T>
 struct Samples {
   ColumnsView<T> inputs{nullptr, 0, 0};   ///< inputs x samples
   ColumnsView<T> targets{nullptr, 0, 0};  ///< outputs x samples
-  /// Outputs x samples, or empty for all ones: what each squared error counts. 0 where a target says nothing.
+  /// Outputs x samples, or empty for all ones: what each squared error counts, at least 0. 0 where a target
+  /// says nothing.
   ColumnsView<T> weights{nullptr, 0, 0};
 
   Eigen::Index count() const noexcept { return inputs.cols(); }
@@ -45,13 +61,18 @@ struct Loss {
   using Term = std::function<double(Eigen::Index sample, Eigen::Map<const Vector> input,
                                     Eigen::Map<const Vector> output, Eigen::Map<Vector> gradient)>;
 
-  std::vector<T> output_weights{};  ///< one for each output, or empty for all ones
+  std::vector<T> output_weights{};  ///< one for each output, at least 0, or empty for all ones
   Term extra{};
 
+  /// Throws Error where the weights are not one for each output, or none of an error.
   void expect_outputs(Eigen::Index outputs) const {
     if (!output_weights.empty() && std::ssize(output_weights) != outputs)
       detail::refuse("Loss::output_weights", detail::text(outputs, " numbers or none"),
                      output_weights.size());
+    for (std::size_t o = 0; o < output_weights.size(); ++o)
+      if (!(output_weights[o] >= 0 && std::isfinite(output_weights[o])))
+        detail::refuse(detail::text("Loss::output_weights: number ", o), "a finite number of at least 0",
+                       output_weights[o]);
   }
 
   /// The loss of one sample, and its derivative by the output.
@@ -76,12 +97,15 @@ struct Loss {
 
 namespace detail {
 
+/// Refuses numbers that are not finite or below `least`.
 template <class T>
-void expect_finite(const char* what, const ColumnsView<T>& matrix) {
+void expect_finite(std::string_view what, const ColumnsView<T>& matrix,
+                   T least = std::numeric_limits<T>::lowest()) {
   for (Eigen::Index c = 0; c < matrix.cols(); ++c)
     for (Eigen::Index r = 0; r < matrix.rows(); ++r)
-      if (!std::isfinite(matrix(r, c)))
-        refuse(text(what, ": row ", r, ", column ", c), "a finite number", matrix(r, c));
+      if (!std::isfinite(matrix(r, c)) || matrix(r, c) < least)
+        refuse(text(what, ": row ", r, ", column ", c),
+               least < 0 ? "a finite number" : text("a finite number of at least ", least), matrix(r, c));
 }
 
 template <class T>
@@ -98,9 +122,9 @@ void expect_shapes(const char* what, const Samples<T>& samples, Eigen::Index inp
 template <class T>
 void expect_samples(const char* what, const Samples<T>& samples, Eigen::Index inputs, Eigen::Index outputs) {
   expect_shapes(what, samples, inputs, outputs);
-  expect_finite(text(what, ": inputs").c_str(), samples.inputs);
-  expect_finite(text(what, ": targets").c_str(), samples.targets);
-  if (samples.weights.size() != 0) expect_finite(text(what, ": weights").c_str(), samples.weights);
+  expect_finite(text(what, ": inputs"), samples.inputs);
+  expect_finite(text(what, ": targets"), samples.targets);
+  if (samples.weights.size() != 0) expect_finite(text(what, ": weights"), samples.weights, T{0});
 }
 
 }  // namespace detail

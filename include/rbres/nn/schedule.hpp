@@ -22,7 +22,8 @@ struct EpochLosses {
 };
 
 /// Where a run is at a step. A schedule is a function of it: double schedule(const TrainingTime&), the
-/// learning rate.
+/// learning rate. One whose rates depend on `epochs` says so by bool spans_run() const: a run of another
+/// length does not go on with it, as its rate would jump.
 struct TrainingTime {
   int epoch = 0, epochs = 1;               ///< 0, 1, ..., epochs - 1
   std::uint64_t step = 0;                  ///< 0, 1, ..., counted from the run's first
@@ -67,6 +68,8 @@ struct Schedule {
   }
   double operator()(const TrainingTime& now) const noexcept { return rate(now.epoch, now.epochs); }
 
+  bool spans_run() const noexcept { return kind == Kind::cosine; }
+
   /// Throws Error where a number is out of its range.
   void check() const {
     const auto expect = [](bool fits, const char* what, const char* expected, double found) {
@@ -93,6 +96,21 @@ std::string schedule_text(const S& schedule) {
     return "a schedule of the user's own";
 }
 
+template <class S>
+bool spans_run(const S& schedule) {
+  if constexpr (requires { schedule.spans_run(); })
+    return schedule.spans_run();
+  else
+    return false;
+}
+
+/// The schedule of a run, by which a checkpoint knows it again.
+template <class S>
+std::string schedule_text(const S& schedule, int epochs) {
+  return spans_run(schedule) ? text(schedule_text(schedule), " over ", epochs, " epochs")
+                             : schedule_text(schedule);
+}
+
 /// Refuses numbers that a schedule says are out of their range.
 template <class S>
 void check_schedule(const S& schedule) {
@@ -112,6 +130,7 @@ struct WarmUp {
         now.step + 1 < steps ? static_cast<double>(now.step + 1) / static_cast<double>(steps) : 1;
     return height * schedule(now);
   }
+  bool spans_run() const { return detail::spans_run(schedule); }
   void check() const { detail::check_schedule(schedule); }
   std::string text() const { return detail::text(detail::schedule_text(schedule), " warm-up ", steps); }
 };
@@ -138,6 +157,7 @@ struct Plateau {
     }
     return height * schedule(now);
   }
+  bool spans_run() const { return detail::spans_run(schedule); }
   void check() const {
     detail::check_schedule(schedule);
     if (!(factor > 0 && factor <= 1)) detail::refuse("Plateau::factor", "above 0, at most 1", factor);

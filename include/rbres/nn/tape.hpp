@@ -151,12 +151,13 @@ class Tape {
   Eigen::Index capacity() const noexcept { return batch_.capacity(); }
 
   /// Fills `outputs` (output_size x n) from `inputs` (input_size x n). With a mask Dropouts drop, as in
-  /// training. Throws Error where a size does not fit.
+  /// training. Throws Error where a size, or the mask's rate, does not fit.
   void record(const Net& network, const In& inputs, Out outputs, const DropoutMask& mask = {}) {
     const Eigen::Index count = inputs.cols();
     if (count > capacity()) detail::refuse("Tape::record: samples", detail::text("0 to ", capacity()), count);
     detail::expect_shape("Tape::record: inputs", inputs, Net::input_size, count);
     detail::expect_shape("Tape::record: outputs", outputs, Net::output_size, count);
+    mask.check();
     for (Eigen::Index c = 0; c < count; ++c) batch_.put_input(inputs.col(c).data(), c);
     batch_.record(network, 0, count, mask);
     for (Eigen::Index c = 0; c < count; ++c) batch_.take_output(c, outputs.col(c).data());

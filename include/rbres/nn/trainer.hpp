@@ -43,7 +43,7 @@ class Trainer {
       : options_(checked(options, objective)),
         update_(optimizer),
         rate_(options.schedule),
-        rate_text_(options.schedule.text()),
+        rate_text_(detail::schedule_text(options.schedule, options.epochs)),
         objective_(std::move(objective)),
         validation_(std::move(validation)),
         state_{network, std::move(network), AlignedBuffer<Scalar>(moments_size), {}, {}},
@@ -68,13 +68,13 @@ class Trainer {
   template <class S>
   void set_schedule(S schedule) {
     detail::check_schedule(schedule);
-    rate_text_ = detail::schedule_text(schedule);
+    rate_text_ = detail::schedule_text(schedule, options_.epochs);
     rate_ = std::move(schedule);
   }
 
-  /// All that the bits of a run depend on beside its network, as a text: options but for epochs, patience and
-  /// threads, schedule, optimiser, and a digest of the items where the objective has one. Two runs of which
-  /// these agree can go on from each other's states.
+  /// All that the bits of a run depend on beside its network, as a text: options but for epochs (where
+  /// the schedule does not span them), patience and threads, schedule, optimiser, and a digest of the items
+  /// where the objective has one. Two runs of which these agree can go on from each other's states.
   std::string fingerprint() const {
     std::string text = detail::text("batch size ", options_.batch_size, ", ", rate_text_, ", l2 ",
                                     detail::exact(options_.l2), ", dropout ", detail::exact(options_.dropout),
