@@ -24,4 +24,12 @@ void check_rigid_state(const RigidState<S>& state) {
     refuse("orientation", "a unit quaternion", text("one of length ", length));
 }
 
+/// Makes a quaternion unit; one that is, but for rounding, keeps its bits.
+template <class S>
+void make_unit(Quat<S>& q) {
+  using std::abs;
+  const S off = abs(S(squared_norm(q) - S(1)));
+  if (off > S(as<S>(16) * S(Constants<S>::epsilon))) q = normalized(q);
+}
+
 }  // namespace rbres::detail

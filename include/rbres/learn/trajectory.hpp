@@ -32,9 +32,7 @@ class Trajectory {
         return detail::text("frame ", k / bodies_.size(), ", body ", k % bodies_.size(), ", ");
       };
       detail::naming(where, [&] { detail::check_rigid_state(states_[k]); });
-      Quat<double>& q = states_[k].orientation;
-      // A quaternion that is unit to rounding keeps its bits.
-      if (std::abs(squared_norm(q) - 1) > 8 * Constants<double>::epsilon) q = normalized(q);
+      detail::make_unit(states_[k].orientation);
     }
   }
 

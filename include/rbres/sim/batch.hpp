@@ -66,7 +66,7 @@ void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, con
     for (int l = 0; l < L; ++l) {
       index[static_cast<std::size_t>(l)] = std::min(block * L + l, count - 1);
       SystemState<T, N> first = start(index[static_cast<std::size_t>(l)]);
-      normalize_orientations(first);
+      for (auto& body : first.body) detail::make_unit(body.orientation);
       set_lane(y, l, first);
     }
     const auto model = forces(std::as_const(index));

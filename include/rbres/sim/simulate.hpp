@@ -137,18 +137,6 @@ void check_state(const System& system, const typename System::State& y) {
   }
 }
 
-/// Makes quaternions unit that rounding to float, or less than check_state lets through, has left otherwise.
-/// Those that a run left are unit, and keep their bits.
-template <class State>
-void normalize_orientations(State& y) {
-  for (auto& body : y.body) {
-    using S = std::remove_cvref_t<decltype(body.position.x)>;
-    using std::abs;
-    const S off = abs(S(squared_norm(body.orientation) - S(1)));
-    if (off > S(as<S>(16) * S(Constants<S>::epsilon))) body.orientation = normalized(body.orientation);
-  }
-}
-
 /// Simulates `state` over options.duration (s) and leaves it at the end. `observer` is callable as (time,
 /// state) and returns nothing, or bool: false stops the run. It sees the start, its orientations made unit,
 /// every sample and the end, and changes no bit of the result: see StepPlan. It may also, or only, have
@@ -163,7 +151,7 @@ SimulationReport simulate(const System& system, typename System::State& state, c
   detail::check_observer<typename System::State, S>(observer);
   Stepper<System, Model, Integrator> stepper(system, forces, integrator, options);
   check_state(system, state);
-  normalize_orientations(state);
+  for (auto& body : state.body) detail::make_unit(body.orientation);
   SimulationReport report;
   const StepPlan plan(options);
   const auto look = [&](double time) { return detail::observed(observer, time, std::as_const(state)); };
