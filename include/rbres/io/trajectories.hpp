@@ -32,7 +32,7 @@
 namespace rbres {
 namespace detail {
 
-inline std::string shape_text(const std::vector<Eigen::Index>& shape) {
+inline std::string array_shape_text(const std::vector<Eigen::Index>& shape) {
   std::string all;
   for (const Eigen::Index extent : shape)
     all += (all.empty() ? "(" : ", ") + (extent < 0 ? std::string("any") : text(extent));
@@ -45,7 +45,7 @@ inline void require_shape(const std::filesystem::path& path, const std::vector<E
   bool fits = found.size() == expected.size();
   for (std::size_t i = 0; fits && i < found.size(); ++i)
     fits = expected[i] < 0 ? found[i] > 0 : found[i] == expected[i];
-  if (!fits) refuse(path.string(), "shape " + shape_text(expected), shape_text(found));
+  if (!fits) refuse(path.string(), "shape " + array_shape_text(expected), array_shape_text(found));
 }
 
 /// An array of float or double that is read as double, scene by scene.
