@@ -37,7 +37,7 @@ class Backpropagation {
       const auto sample = [&](Eigen::Index c) { return std::ptrdiff_t{order[static_cast<std::size_t>(c)]}; };
       for (Eigen::Index c = first; c < last; ++c)
         tape_.put_input(samples.inputs.data() + sample(c) * Net::input_size, c);
-      tape_.record(network, first, last - first, mask);
+      tape_.record(network.parameters().data(), first, last - first, mask);
       for (Eigen::Index c = first; c < last; ++c) {
         typename Net::Output output, gradient;
         tape_.take_output(c, output.data());
@@ -46,7 +46,7 @@ class Backpropagation {
         gradient /= static_cast<T>(size);
         tape_.put_output_gradient(gradient, c);
       }
-      tape_.backward(network, first, last - first, to_input);
+      tape_.backward(network.parameters().data(), first, last - first, to_input);
     });
     double sum = 0;
     for (Eigen::Index c = 0; c < size; ++c) sum += losses_[static_cast<std::size_t>(c)];

@@ -83,6 +83,9 @@ auto plain_forward(const T* parameters, const Eigen::MatrixBase<Derived>& x) {
 
 }  // namespace detail
 
+template <class Net>
+class NetworkPart;
+
 /// A network as a value: `Layers` is a Sequential<...>, T float or double. All parameters stand in one flat
 /// block, aligned to a cache line; a copy is a copy, and what a move leaves is as Network(), all zero. In
 /// PyTorch the same network is the nn.Sequential of the same layers.
@@ -198,17 +201,7 @@ class Network {
                Eigen::Ref<Columns, 0, Eigen::OuterStride<>> outputs, Workspace& workspace) const {
     detail::expect_shape("Network::forward: inputs", inputs, input_size, inputs.cols());
     detail::expect_shape("Network::forward: outputs", outputs, output_size, inputs.cols());
-    T* slots = workspace.numbers_.data();
-    for (Eigen::Index first = 0; first < inputs.cols(); first += chunk) {
-      const int count = static_cast<int>(std::min<Eigen::Index>(chunk, inputs.cols() - first));
-      const std::ptrdiff_t room = count == 1 ? 1 : chunk;
-      for (int c = 0; c < count; ++c)
-        Passes::template put<input_size>(inputs.col(first + c).data(), Passes::slot(slots, room, 0), c);
-      Passes::forward(count, block(), slots, room);
-      for (int c = 0; c < count; ++c)
-        Passes::template take<output_size>(Passes::slot(slots, room, Compiled::stage_count), c,
-                                           outputs.col(first + c).data());
-    }
+    predict(block(), inputs, outputs, workspace);
   }
 
   /// J v: the derivative of the prediction at x along the input's direction v. Allocates nothing.
@@ -235,10 +228,27 @@ class Network {
   }
 
  private:
+  template <class>
+  friend class NetworkPart;
   using Tape = typename Passes::Tape;
   /// Samples that go through all layers while they are in the cache; an odd multiple of 8, so that panels do
   /// not fall into the same few sets of it.
   static constexpr std::ptrdiff_t chunk = 104;
+
+  static void predict(const T* parameters, const Eigen::Ref<const Columns, 0, Eigen::OuterStride<>>& inputs,
+                      Eigen::Ref<Columns, 0, Eigen::OuterStride<>> outputs, Workspace& workspace) noexcept {
+    T* slots = workspace.numbers_.data();
+    for (Eigen::Index first = 0; first < inputs.cols(); first += chunk) {
+      const int count = static_cast<int>(std::min<Eigen::Index>(chunk, inputs.cols() - first));
+      const std::ptrdiff_t room = count == 1 ? 1 : chunk;
+      for (int c = 0; c < count; ++c)
+        Passes::template put<input_size>(inputs.col(first + c).data(), Passes::slot(slots, room, 0), c);
+      Passes::forward(count, parameters, slots, room);
+      for (int c = 0; c < count; ++c)
+        Passes::template take<output_size>(Passes::slot(slots, room, Compiled::stage_count), c,
+                                           outputs.col(first + c).data());
+    }
+  }
 
   Tape record(const Input& x, Workspace& workspace) const noexcept {
     T* numbers = workspace.numbers_.data();

@@ -55,8 +55,8 @@ class BatchTape {
   void put_input(const T* x, Eigen::Index c) noexcept {
     Passes::template put<Net::input_size>(x, view().value(0), c);
   }
-  void record(const Net& network, Eigen::Index first, Eigen::Index count, const DropoutMask& mask) noexcept {
-    Passes::record(network.parameters().data(), view(), first, static_cast<int>(count), mask);
+  void record(const T* parameters, Eigen::Index first, Eigen::Index count, const DropoutMask& mask) noexcept {
+    Passes::record(parameters, view(), first, static_cast<int>(count), mask);
   }
   void take_output(Eigen::Index c, T* y) const noexcept {
     Passes::template take<Net::output_size>(view().value(Compiled::stage_count), c, y);
@@ -73,10 +73,9 @@ class BatchTape {
     }
     Passes::template put<Net::output_size>(gradient.data(), last, c);
   }
-  void backward(const Net& network, Eigen::Index first, Eigen::Index count, bool to_input) {
+  void backward(const T* parameters, Eigen::Index first, Eigen::Index count, bool to_input) {
     TaskScratch<T, Passes::backward_size> cache;
-    Passes::backward(network.parameters().data(), view(), first, static_cast<int>(count), to_input,
-                     cache.data());
+    Passes::backward(parameters, view(), first, static_cast<int>(count), to_input, cache.data());
   }
   void take_input_gradient(Eigen::Index c, T* x) const noexcept {
     Passes::template take<Net::input_size>(view().gradient(0), c, x);
@@ -137,7 +136,8 @@ class BatchTape {
 ///     tape.backward(network, by_outputs, gradient, by_inputs);
 ///
 /// Samples are columns; by_outputs is the derivative of a number by `outputs`, of which backward() adds the
-/// derivative by the parameters to `gradient` and writes that by `inputs` to by_inputs.
+/// derivative by the parameters to `gradient` and writes that by `inputs` to by_inputs. `network` is a Net,
+/// or the part of a NetworkParts that is one; `gradient` belongs to it.
 template <class Net>
 class Tape {
  public:
@@ -152,24 +152,27 @@ class Tape {
 
   /// Fills `outputs` (output_size x n) from `inputs` (input_size x n). With a mask Dropouts drop, as in
   /// training. Throws Error where a size, or the mask's rate, does not fit.
-  void record(const Net& network, const In& inputs, Out outputs, const DropoutMask& mask = {}) {
+  template <class Network>
+  void record(const Network& network, const In& inputs, Out outputs, const DropoutMask& mask = {}) {
     const Eigen::Index count = inputs.cols();
     if (count > capacity()) detail::refuse("Tape::record: samples", detail::text("0 to ", capacity()), count);
     detail::expect_shape("Tape::record: inputs", inputs, Net::input_size, count);
     detail::expect_shape("Tape::record: outputs", outputs, Net::output_size, count);
     mask.check();
     for (Eigen::Index c = 0; c < count; ++c) batch_.put_input(inputs.col(c).data(), c);
-    batch_.record(network, 0, count, mask);
+    batch_.record(network.parameters().data(), 0, count, mask);
     for (Eigen::Index c = 0; c < count; ++c) batch_.take_output(c, outputs.col(c).data());
     recorded_ = count;
   }
 
   /// The way back, once for each record(), through the same parameters. Throws Error where a size does not
   /// fit or nothing is recorded.
-  void backward(const Net& network, const In& by_outputs, ParameterGradient<Net>& gradient) {
+  template <class Network, class Gradient>
+  void backward(const Network& network, const In& by_outputs, Gradient&& gradient) {
     back(network, by_outputs, gradient, false);
   }
-  void backward(const Net& network, const In& by_outputs, ParameterGradient<Net>& gradient, Out by_inputs) {
+  template <class Network, class Gradient>
+  void backward(const Network& network, const In& by_outputs, Gradient&& gradient, Out by_inputs) {
     detail::expect_shape("Tape::backward: gradient by the inputs", by_inputs, Net::input_size, recorded_);
     const Eigen::Index count = recorded_;
     back(network, by_outputs, gradient, true);
@@ -179,12 +182,13 @@ class Tape {
  private:
   static constexpr Eigen::Index nothing = -1;
 
-  void back(const Net& network, const In& by_outputs, ParameterGradient<Net>& gradient, bool to_input) {
+  template <class Network, class Gradient>
+  void back(const Network& network, const In& by_outputs, Gradient& gradient, bool to_input) {
     if (recorded_ == nothing) detail::refuse("Tape::backward", "a record() before each", "none");
     detail::expect_shape("Tape::backward: gradient by the outputs", by_outputs, Net::output_size, recorded_);
     const Eigen::Index count = std::exchange(recorded_, nothing);
     for (Eigen::Index c = 0; c < count; ++c) batch_.put_output_gradient(by_outputs.col(c), c);
-    batch_.backward(network, 0, count, to_input);
+    batch_.backward(network.parameters().data(), 0, count, to_input);
     auto* sums = gradient.numbers().data();
     batch_.parameter_gradient(Team{}, count, [sums](std::size_t at, const auto& g, bool) {
       detail::store(sums + at, detail::load(sums + at) + g);
