@@ -36,13 +36,14 @@ struct BatchSample {
 /// forces(lanes) the force model of the scenarios in lanes[0], lanes[1], ... as it acts on S (scenarios past
 /// the end repeat the last one); observe(BatchSample) is called at the start, at every sample and at the end,
 /// from several threads at once but for one scenario never twice at the same time. No bit of the result
-/// depends on the threads. Orientations are made unit at the start. Throws Error for options, numbers and
-/// starts that make no sense, see check_state; start(i) is called twice.
+/// depends on the threads. Orientations are made unit at the start. `contacts` says how bodies collide, as in
+/// simulate(). Throws Error for options, numbers and starts that make no sense, see check_state; start(i) is
+/// called twice.
 template <class S, class T, int N, class Shape, class Start, class MakeForces, class Integrator,
-          class Observe>
+          class Contacts, class Observe>
 void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, const Start& start,
-                    const MakeForces& forces, const Integrator& integrator, const SimulationOptions& options,
-                    const Observe& observe, int threads = 0) {
+                    const MakeForces& forces, const Integrator& integrator, const Contacts& contacts,
+                    const SimulationOptions& options, const Observe& observe, int threads = 0) {
   using Value = typename ScalarTraits<S>::Value;
   static_assert(std::is_same_v<Value, T>, "the lanes hold numbers of the system's scalar");
   constexpr int L = ScalarTraits<S>::lanes;
@@ -53,11 +54,12 @@ void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, con
   if (count < 0) detail::refuse("scenarios", "0 or more", count);
   for (std::ptrdiff_t i = 0; i < count; ++i) {
     detail::naming([&] { return detail::text("scenario ", i, ": "); },
-                   [&] { check_state(system, start(i)); });
+                   [&] { detail::check_start<Contacts>(system, start(i)); });
   }
   const auto lanes_system = system.template cast<S>();
   using Lanes = std::decay_t<decltype(lanes_system)>;
   const StepPlan plan(options);
+  detail::check_plan(contacts, plan);
   const std::ptrdiff_t blocks = (count + L - 1) / L;
 
   parallel_for(blocks, threads, [&](std::ptrdiff_t block) {
@@ -70,8 +72,8 @@ void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, con
       set_lane(y, l, first);
     }
     const auto model = forces(std::as_const(index));
-    Stepper<Lanes, std::decay_t<decltype(model)>, Integrator> stepper(lanes_system, model, integrator,
-                                                                      options);
+    Stepper<Lanes, std::decay_t<decltype(model)>, Integrator, Contacts> stepper(
+        lanes_system, model, integrator, contacts, options);
     const auto look = [&](long sample, double time) {
       for (int l = 0; l < L && block * L + l < count; ++l) {
         observe(BatchSample<T, N>{index[static_cast<std::size_t>(l)], sample, time, lane(y, l),
@@ -87,6 +89,14 @@ void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, con
       look(k + 1, part.end);
     }
   });
+}
+
+template <class S, class T, int N, class Shape, class Start, class MakeForces, class Integrator,
+          class Observe>
+void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, const Start& start,
+                    const MakeForces& forces, const Integrator& integrator, const SimulationOptions& options,
+                    const Observe& observe, int threads = 0) {
+  simulate_batch<S>(system, count, start, forces, integrator, AnalyticContacts{}, options, observe, threads);
 }
 
 }  // namespace rbres

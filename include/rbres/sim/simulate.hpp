@@ -2,8 +2,9 @@
 
 #include <limits>
 #include <rbres/body/check_state.hpp>
-#include <rbres/sim/continuous_contact.hpp>
+#include <rbres/sim/contacts.hpp>
 #include <rbres/sim/observer.hpp>
+#include <type_traits>
 #include <utility>
 
 namespace rbres {
@@ -28,24 +29,25 @@ struct SimulationReport {
 /// Takes a system's state forward, step by step: what simulate does, for a program that has its own loop.
 /// Allocates when it is built and never after. It remembers the forces of resting contacts, where the next
 /// step starts: a copy goes on to the same bits, and so does a stepper to which such a copy is assigned.
-template <class System, class Model, class Integrator>
+/// `Contacts` says how bodies collide, see AnalyticContacts.
+template <class System, class Model, class Integrator, class Contacts = AnalyticContacts>
 class Stepper {
   using S = typename System::Scalar;
 
  public:
   using State = typename System::State;
 
-  /// Throws Error for options that make no sense. `system` must outlive the stepper and its copies.
-  Stepper(const System& system, const Model& forces, const Integrator& integrator,
+  /// Throws Error for options that make no sense. `system` must outlive the stepper and its copies, and so
+  /// must `contacts`.
+  Stepper(const System& system, const Model& forces, const Integrator& integrator, const Contacts& contacts,
           const SimulationOptions& options)
-      : system_(&system),
-        forces_(forces),
-        integrator_(integrator),
-        options_(options),
-        continuous_(system, options),
-        discrete_(system) {
+      : forces_(forces), integrator_(integrator), contacts_(contacts, system, options) {
     options.check();
   }
+  Stepper(const System& system, const Model& forces, const Integrator& integrator,
+          const SimulationOptions& options) requires(std::is_empty_v<Contacts>)
+      : Stepper(system, forces, integrator, Contacts{}, options) {}
+  Stepper(System&&, const Model&, const Integrator&, const Contacts&, const SimulationOptions&) = delete;
   Stepper(System&&, const Model&, const Integrator&, const SimulationOptions&) = delete;
 
   /// y at t becomes y at t + h, h of 0 s or more. Returns -1, or the first body that is no longer finite;
@@ -58,12 +60,7 @@ class Stepper {
     const MaskOf<S> forward = h >= S(0);
     const MaskOf<S> sound = forward & is_finite(S(t + h));
     const S time = select(sound, h, S(0));
-    if (options_.contacts == ContactMode::continuous) {
-      continuous_.step(forces_, integrator_, y, t, time, observer, tally_);
-    } else {
-      fly_on(*system_, forces_, integrator_, y, t, time);
-      discrete_.resolve(before, y, as<S>(options_.rest_speed), tally_);
-    }
+    contacts_.step(forces_, integrator_, y, t, time, observer, tally_);
     if (!all(sound)) {
       constexpr auto nan = std::numeric_limits<typename Constants<S>::Real>::quiet_NaN();
       y[0].position.x = select(sound, y[0].position.x, S(nan));
@@ -101,15 +98,23 @@ class Stepper {
     return (sum.x + sum.y) + (sum.z + q.x) + (q.y + q.z + q.w);
   }
 
-  const System* system_;
   Model forces_;
   Integrator integrator_;
-  SimulationOptions options_;
-  ContinuousContact<System> continuous_;
-  detail::DiscreteContact<System> discrete_;
+  typename Contacts::template Step<System> contacts_;
   ContactTally<S> tally_;
   MaskOf<S> finite_{true};
 };
+
+namespace detail {
+
+/// Refuses numbers that are not finite, and quaternions that are not unit (off by more than 1e-3).
+template <class System>
+void check_numbers(const System&, const typename System::State& y) {
+  for (int i = 0; i < System::bodies; ++i)
+    naming([&] { return text("body ", i, ", "); }, [&] { check_rigid_state(y[i]); });
+}
+
+}  // namespace detail
 
 /// Refuses states that no simulation can start from: numbers that are not finite, quaternions that are not
 /// unit (off by more than 1e-3), bodies that overlap by more than a thousandth of the smaller one's bounding
@@ -117,9 +122,7 @@ class Stepper {
 template <class System>
 void check_state(const System& system, const typename System::State& y) {
   using S = typename System::Scalar;
-  for (int i = 0; i < System::bodies; ++i) {
-    detail::naming([&] { return detail::text("body ", i, ", "); }, [&] { detail::check_rigid_state(y[i]); });
-  }
+  detail::check_numbers(system, y);
   const auto check_pair = [&](int first, int second) {
     detail::with_manifold(system, y, first, second, [&](const auto& m, auto) {
       S size = system[second].bounding_radius();
@@ -137,23 +140,43 @@ void check_state(const System& system, const typename System::State& y) {
   }
 }
 
+namespace detail {
+
+/// Refuses runs that `contacts` cannot do.
+template <class Contacts>
+void check_plan(const Contacts& contacts, const StepPlan& plan) {
+  if constexpr (requires { contacts.check(plan); }) contacts.check(plan);
+}
+/// Refuses states that a run with `Contacts` cannot start from.
+template <class Contacts, class System>
+void check_start(const System& system, const typename System::State& y) {
+  if constexpr (Contacts::allows_overlap)
+    check_numbers(system, y);
+  else
+    check_state(system, y);
+}
+
+}  // namespace detail
+
 /// Simulates `state` over options.duration (s) and leaves it at the end. `observer` is callable as (time,
 /// state) and returns nothing, or bool: false stops the run. It sees the start, its orientations made unit,
 /// every sample and the end, and changes no bit of the result: see StepPlan. It may also, or only, have
-/// impact(time, before, after), see ContinuousContact; anything else does not compile. Throws Error for
-/// options and states that make no sense.
-template <class System, class Model, class Integrator, class Observer>
+/// impact(time, before, after), see ContinuousContact; anything else does not compile. `contacts` says how
+/// bodies collide: a ContactLaw, or where there is none AnalyticContacts. Throws Error for options and states
+/// that make no sense.
+template <class System, class Model, class Integrator, class Contacts, class Observer>
 SimulationReport simulate(const System& system, typename System::State& state, const Model& forces,
-                          const Integrator& integrator, const SimulationOptions& options,
-                          Observer&& observer) {
+                          const Integrator& integrator, const Contacts& contacts,
+                          const SimulationOptions& options, Observer&& observer) {
   using S = typename System::Scalar;
   static_assert(!Packed<S>, "simulate runs one scenario; simulate_batch runs many in lanes");
   detail::check_observer<typename System::State, S>(observer);
-  Stepper<System, Model, Integrator> stepper(system, forces, integrator, options);
-  check_state(system, state);
+  Stepper<System, Model, Integrator, Contacts> stepper(system, forces, integrator, contacts, options);
+  detail::check_start<Contacts>(system, state);
+  const StepPlan plan(options);
+  detail::check_plan(contacts, plan);
   for (auto& body : state.body) detail::make_unit(body.orientation);
   SimulationReport report;
-  const StepPlan plan(options);
   const auto look = [&](double time) { return detail::observed(observer, time, std::as_const(state)); };
   bool going = look(0.0);
   for (long k = 0; k < plan.parts() && going && report.bad_body < 0; ++k) {
@@ -177,10 +200,23 @@ SimulationReport simulate(const System& system, typename System::State& state, c
   return report;
 }
 
+template <class System, class Model, class Integrator, class Observer>
+SimulationReport simulate(const System& system, typename System::State& state, const Model& forces,
+                          const Integrator& integrator, const SimulationOptions& options,
+                          Observer&& observer) {
+  return simulate(system, state, forces, integrator, AnalyticContacts{}, options,
+                  std::forward<Observer>(observer));
+}
+template <class System, class Model, class Integrator, class Contacts>
+SimulationReport simulate(const System& system, typename System::State& state, const Model& forces,
+                          const Integrator& integrator, const Contacts& contacts,
+                          const SimulationOptions& options) {
+  return simulate(system, state, forces, integrator, contacts, options, [](double, const auto&) {});
+}
 template <class System, class Model, class Integrator>
 SimulationReport simulate(const System& system, typename System::State& state, const Model& forces,
                           const Integrator& integrator, const SimulationOptions& options) {
-  return simulate(system, state, forces, integrator, options, [](double, const auto&) {});
+  return simulate(system, state, forces, integrator, AnalyticContacts{}, options);
 }
 
 }  // namespace rbres

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <rbres/sim/continuous_contact.hpp>
+
+namespace rbres {
+
+/// What answers contacts in simulate(), Stepper and simulate_batch() unless they are told otherwise: Newton's
+/// restitution and Coulomb's friction, when and where SimulationOptions::contacts says.
+///
+/// Something else may stand in its place that has
+///   static constexpr bool allows_overlap    whether a run may start with bodies that overlap
+///   void check(const StepPlan&) const       optional: refuses (Error) runs whose steps it cannot take
+///   template <class System> class Step      made from (contacts, system, options), it may allocate; its
+///       step(forces, integrator, y, t, h, observer, tally) takes y from t to t + h and allocates nothing
+struct AnalyticContacts {
+  static constexpr bool allows_overlap = false;
+
+  template <class System>
+  class Step {
+    using S = typename System::Scalar;
+    using State = typename System::State;
+
+   public:
+    Step(const AnalyticContacts&, const System& system, const SimulationOptions& options)
+        : system_(&system), options_(options), continuous_(system, options), discrete_(system) {}
+
+    template <class Model, class Integrator, class Observer>
+    void step(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
+              Observer& observer, ContactTally<S>& tally) {
+      if (options_.contacts == ContactMode::continuous) {
+        continuous_.step(forces, integrator, y, t, h, observer, tally);
+      } else {
+        const State before = y;
+        fly_on(*system_, forces, integrator, y, t, h);
+        discrete_.resolve(before, y, as<S>(options_.rest_speed), tally);
+      }
+    }
+
+   private:
+    const System* system_;
+    SimulationOptions options_;
+    ContinuousContact<System> continuous_;
+    detail::DiscreteContact<System> discrete_;
+  };
+};
+
+}  // namespace rbres
