@@ -1,0 +1,67 @@
+#pragma once
+
+#include <rbres/io/metadata.hpp>
+#include <rbres/io/model.hpp>
+#include <rbres/learn/contact_law.hpp>
+
+#include <string>
+
+namespace rbres {
+
+/// A contact law's file: the tensors of its networks, "0.0.weight" and so on (part, layer), and in the
+/// metadata what they are ("contact_law": width, rounds, features and outputs; "scalar"), the normalisation
+/// ("input_mean", "input_deviation") and the scales ("frame_time" in s, "speed" in m/s, "margin" in m).
+template <int Width, int Rounds, std::floating_point T>
+struct ModelFormat<ContactLaw<Width, Rounds, T>> {
+  using Model = ContactLaw<Width, Rounds, T>;
+
+  /// The law must stay until the file is written.
+  static void write(SafetensorsWriter& file, const Model& law) {
+    using Net = typename Model::Network;
+    detail::require_finite("weights of a contact law", law.network.parameters().data(), Net::block_size);
+    detail::require_within("input deviation of a saved contact law", law.input.deviation, positive);
+    const Scales scales = numbers(law.scales);
+    detail::require_within("scales of a saved contact law", scales, positive);
+    detail::add_parameters<Net>(file, "", law.network.parameters().data());
+    file.metadata = metadata();
+    file.metadata["input_mean"] = detail::numbers_to_text(law.input.mean);
+    file.metadata["input_deviation"] = detail::numbers_to_text(law.input.deviation);
+    file.metadata["frame_time"] = detail::numbers_to_text(scales.segment<1>(0));
+    file.metadata["speed"] = detail::numbers_to_text(scales.segment<1>(1));
+    file.metadata["margin"] = detail::numbers_to_text(scales.segment<1>(2));
+  }
+
+  static Model read(const SafetensorsReader& file) {
+    using Net = typename Model::Network;
+    require_metadata(file, metadata());
+    Model law;
+    detail::read_parameters<Net>(file, "", law.network.parameters().data());
+    detail::numbers_from_metadata(file, "input_mean", law.input.mean);
+    detail::numbers_from_metadata(file, "input_deviation", law.input.deviation, positive);
+    law.scales.frame_time = number(file, "frame_time");
+    law.scales.speed = number(file, "speed");
+    law.scales.margin = number(file, "margin");
+    return law;
+  }
+
+ private:
+  static constexpr detail::Bounds positive{1e-30, 1e30};
+  using Scales = Eigen::Vector3d;
+
+  static Metadata metadata() {
+    using Net = typename Model::Network;
+    return {{"contact_law", detail::text("width ", Width, ", rounds ", Rounds, ", features ", Net::inputs,
+                                         ", outputs ", Net::outputs)},
+            {"scalar", std::is_same_v<T, float> ? "float32" : "float64"}};
+  }
+  static Scales numbers(const ContactScales& scales) {
+    return {scales.frame_time, scales.speed, scales.margin};
+  }
+  static double number(const SafetensorsReader& file, const char* key) {
+    Eigen::Matrix<double, 1, 1> x;
+    detail::numbers_from_metadata(file, key, x, positive);
+    return x[0];
+  }
+};
+
+}  // namespace rbres

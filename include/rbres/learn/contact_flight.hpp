@@ -1,0 +1,108 @@
+#pragma once
+
+#include <rbres/body/body.hpp>
+#include <rbres/body/state.hpp>
+#include <unsupported/Eigen/AutoDiff>
+
+namespace rbres::detail {
+
+/// Numbers with their derivatives by N inputs.
+template <int N>
+using Dual = Eigen::AutoDiffScalar<Eigen::Matrix<double, N, 1>>;
+template <int N>
+Vec3<Dual<N>> dual_vector(const Vec3<double>& v, int first) {
+  return {Dual<N>(v.x, N, first), Dual<N>(v.y, N, first + 1), Dual<N>(v.z, N, first + 2)};
+}
+template <int N>
+Quat<Dual<N>> dual_quaternion(const Quat<double>& q, int first) {
+  return {Dual<N>(q.x, N, first), Dual<N>(q.y, N, first + 1), Dual<N>(q.z, N, first + 2),
+          Dual<N>(q.w, N, first + 3)};
+}
+
+inline Quat<double> operator+(const Quat<double>& a, const Quat<double>& b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z, a.w + b.w};
+}
+inline Quat<double> operator*(double s, const Quat<double>& q) {
+  return {s * q.x, s * q.y, s * q.z, s * q.w};
+}
+inline Mat3<double>& operator+=(Mat3<double>& a, const Mat3<double>& b) {
+  a.x += b.x, a.y += b.y, a.z += b.z;
+  return a;
+}
+/// a b^T
+inline Mat3<double> outer(const Vec3<double>& a, const Vec3<double>& b) {
+  return {b.x * a, b.y * a, b.z * a};
+}
+
+/// The way back through rotate(q, v): adds to the derivatives by q and v.
+inline void add_rotation_gradient(const Quat<double>& q, const Vec3<double>& v,
+                                  const Vec3<double>& by_rotated, Quat<double>& by_q, Vec3<double>& by_v) {
+  // rotate(q, v) = v + 2 w u x v + 2 u x (u x v), u the imaginary part
+  const Vec3<double> u = q.imaginary(), uv = cross(u, v);
+  const Vec3<double> by_u =
+      2 * (q.w * cross(v, by_rotated) + cross(uv, by_rotated) + cross(v, cross(by_rotated, u)));
+  by_q = by_q + Quat<double>{by_u.x, by_u.y, by_u.z, 2 * dot(uv, by_rotated)};
+  by_v += rotate_back(q, by_rotated);
+}
+
+/// What contacts have to know of a body's free flight through a frame: where it is halfway, taken as the mean
+/// of its states before and after, and how it moves afterwards. World frame. With doubles this is also the
+/// layout of a derivative by these numbers.
+struct ContactFlight {
+  Vec3<double> middle;           ///< position halfway, m
+  Quat<double> turned;           ///< orientation halfway
+  Vec3<double> mean_velocity;    ///< over the frame, m/s
+  Vec3<double> end, velocity;    ///< position (m) and velocity (m/s) at its end
+  Vec3<double> spin;             ///< angular velocity at its end, rad/s
+  Mat3<double> inverse_inertia;  ///< halfway, 1/(kg m^2)
+};
+
+/// From the states where the free flight begins and ends, `time` (s) apart.
+template <class Shape>
+ContactFlight contact_flight(const Body<double, Shape>& body, const RigidState<double>& from,
+                             const RigidState<double>& to, double time) {
+  ContactFlight f;
+  f.middle = 0.5 * (from.position + to.position);
+  f.turned = normalized(from.orientation + to.orientation);
+  f.mean_velocity = (1 / time) * (to.position - from.position);
+  f.end = to.position;
+  f.velocity = to.velocity;
+  f.spin = rotate(to.orientation, to.angular_velocity);
+  f.inverse_inertia = rotated_diagonal(rotation_matrix(f.turned), body.inverse_inertia());
+  return f;
+}
+
+/// The way back: adds to the derivatives by the two states, given those by the flight.
+template <class Shape>
+void add_flight_gradient(const Body<double, Shape>& body, const RigidState<double>& from,
+                         const RigidState<double>& to, double time, const ContactFlight& by_flight,
+                         RigidState<double>& by_from, RigidState<double>& by_to) {
+  by_from.position += 0.5 * by_flight.middle - (1 / time) * by_flight.mean_velocity;
+  by_to.position += 0.5 * by_flight.middle + (1 / time) * by_flight.mean_velocity + by_flight.end;
+  by_to.velocity += by_flight.velocity;
+  add_rotation_gradient(to.orientation, to.angular_velocity, by_flight.spin, by_to.orientation,
+                        by_to.angular_velocity);
+  using D = Dual<4>;
+  const Quat<double> sum = from.orientation + to.orientation;
+  const Quat<D> turned = normalized(dual_quaternion<4>(sum, 0));
+  const Vec3<double>& inertia = body.inverse_inertia();
+  const Quat<double>& by_turned = by_flight.turned;
+  Eigen::Vector4d by = by_turned.x * turned.x.derivatives() + by_turned.y * turned.y.derivatives() +
+                       by_turned.z * turned.z.derivatives() + by_turned.w * turned.w.derivatives();
+  if (!(inertia.x == inertia.y && inertia.y == inertia.z)) {
+    const Mat3<D> world =
+        rotated_diagonal(rotation_matrix(turned), Vec3<D>{D(inertia.x), D(inertia.y), D(inertia.z)});
+    const auto add = [&](const Vec3<double>& by_column, const Vec3<D>& column) {
+      by += by_column.x * column.x.derivatives() + by_column.y * column.y.derivatives() +
+            by_column.z * column.z.derivatives();
+    };
+    add(by_flight.inverse_inertia.x, world.x);
+    add(by_flight.inverse_inertia.y, world.y);
+    add(by_flight.inverse_inertia.z, world.z);
+  }
+  const Quat<double> by_sum{by[0], by[1], by[2], by[3]};
+  by_from.orientation = by_from.orientation + by_sum;
+  by_to.orientation = by_to.orientation + by_sum;
+}
+
+}  // namespace rbres::detail

@@ -1,0 +1,159 @@
+#pragma once
+
+#include <rbres/core/reserved.hpp>
+#include <rbres/learn/contact_impulses.hpp>
+#include <rbres/learn/contact_network.hpp>
+#include <rbres/predict/encoding.hpp>
+
+#include <limits>
+#include <span>
+
+namespace rbres::detail {
+
+/// The bodies of one scene and the planes around them.
+template <class Shape>
+struct SceneView {
+  std::span<const Body<double, Shape>> bodies;
+  std::span<const Plane<double>> planes;
+};
+
+/// All contacts of a frame, of one scene or of several that do not know of one another: what stands between
+/// free flight and the states after it. Bodies are counted through all scenes.
+template <std::floating_point T>
+struct ContactFrame {
+  using Columns = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
+  using Normal = Normalizer<T, Contact::features>;
+
+  Reserved<ContactFlight> flights;
+  Reserved<Contact> contacts;
+  Reserved<ContactEnds> ends;
+  Reserved<T> presence;
+  Reserved<BodyImpulse> sums;
+  Columns inputs, outputs;
+
+  ContactFrame() = default;
+  /// Room for one scene, after which nothing allocates: contacts that find none are left out.
+  ContactFrame(std::size_t bodies, std::size_t most_contacts)
+      : inputs(Contact::features, most_contacts), outputs(ContactImpulse::outputs, most_contacts) {
+    flights.reserve(bodies);
+    sums.reserve(bodies);
+    contacts.reserve(most_contacts);
+    ends.reserve(most_contacts);
+    presence.reserve(most_contacts);
+    most_ = most_contacts;
+  }
+
+  void clear() {
+    flights.clear();
+    contacts.clear();
+    ends.clear();
+    presence.clear();
+  }
+
+  /// Adds a scene that flies freely from `start` to `flown`.
+  template <class Shape>
+  void add(const SceneView<Shape>& scene, std::span<const RigidState<double>> start,
+           std::span<const RigidState<double>> flown, const ContactScales& scales) {
+    const std::size_t base = flights.size();
+    for (std::size_t i = 0; i < scene.bodies.size(); ++i)
+      flights.push_back(contact_flight(scene.bodies[i], start[i], flown[i], scales.frame_time));
+    for (std::size_t p = 0; p < scene.planes.size(); ++p)
+      for (std::size_t i = 0; i < scene.bodies.size(); ++i) add_plane(scene, p, i, base, scales);
+    for (std::size_t i = 0; i < scene.bodies.size(); ++i)
+      for (std::size_t j = i + 1; j < scene.bodies.size(); ++j) add_pair(scene, i, j, base, scales);
+  }
+
+  /// Fills the network's inputs.
+  void encode(const Normal& normal, const ContactScales& scales) {
+    if (inputs.cols() < std::ssize(contacts)) {
+      inputs.resize(Contact::features, 2 * std::ssize(contacts));
+      outputs.resize(ContactImpulse::outputs, 2 * std::ssize(contacts));
+    }
+    for (std::size_t k = 0; k < contacts.size(); ++k)
+      inputs.col(static_cast<Eigen::Index>(k)) = normal.normalize(raw(k, scales));
+  }
+  /// The features of contact k as the law measures them.
+  typename Normal::Vector raw(std::size_t k, const ContactScales& scales) const {
+    const auto features = features_of(contacts[k], scales);
+    return Eigen::Map<const Eigen::Matrix<double, Contact::features, 1>>(features.data()).template cast<T>();
+  }
+  ContactImpulse::Outputs output(std::size_t k) const {
+    ContactImpulse::Outputs o;
+    for (std::size_t i = 0; i < o.size(); ++i)
+      o[i] = static_cast<double>(outputs(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)));
+    return o;
+  }
+
+  /// Sums up what the network's outputs do to every body.
+  void sum_impulses(const ContactScales& scales) {
+    sums.assign(flights.size(), BodyImpulse{});
+    for (std::size_t k = 0; k < contacts.size(); ++k)
+      add_impulse(contacts[k], impulse_of(contacts[k], output(k), scales),
+                  bodies_of(contacts[k], std::as_const(flights)), scales, bodies_of(contacts[k], sums));
+  }
+
+  /// The two of `all` that a contact joins; no first one where that is a plane.
+  template <class Vector>
+  static auto bodies_of(const Contact& c, Vector& all) {
+    using Element = std::remove_pointer_t<decltype(all.data())>;
+    return FlightPair<Element>{c.plane() ? nullptr : all.data() + c.first, all.data() + c.second};
+  }
+
+ private:
+  template <class Shape>
+  void add_plane(const SceneView<Shape>& scene, std::size_t p, std::size_t i, std::size_t base,
+                 const ContactScales& scales) {
+    const Plane<double>& plane = scene.planes[p];
+    const auto& body = scene.bodies[i];
+    const ContactFlight& f = flights[base + i];
+    const double way = 0.5 * scales.frame_time * norm(f.mean_velocity);
+    if (dot(plane.normal, f.middle) - plane.offset > 2 * body.bounding_radius() + way + scales.margin) return;
+    Contact contact;
+    contact.first = -1 - static_cast<int>(p);
+    contact.second = static_cast<int>(base + i);
+    contact.surface = {combined_restitution(plane.material, body.material()),
+                       combined_friction(plane.material, body.material())};
+    with_places(plane, body, f, [&](const auto& m) {
+      add_points(contact, m, {0, body.inverse_mass()}, scales);
+    });
+  }
+
+  template <class Shape>
+  void add_pair(const SceneView<Shape>& scene, std::size_t i, std::size_t j, std::size_t base,
+                const ContactScales& scales) {
+    const auto &first = scene.bodies[i], &second = scene.bodies[j];
+    const ContactFlight &f = flights[base + i], &g = flights[base + j];
+    const double way = 0.5 * scales.frame_time * norm(g.mean_velocity - f.mean_velocity);
+    const double reach = 1.5 * (first.bounding_radius() + second.bounding_radius()) + way + scales.margin;
+    if (squared_norm(g.middle - f.middle) > reach * reach) return;
+    Contact contact;
+    contact.first = static_cast<int>(base + i);
+    contact.second = static_cast<int>(base + j);
+    contact.surface = {combined_restitution(first.material(), second.material()),
+                       combined_friction(first.material(), second.material())};
+    with_places(first, f, second, g, [&](const auto& m) {
+      add_points(contact, m, {first.inverse_mass(), second.inverse_mass()}, scales);
+    });
+  }
+
+  template <class Manifold>
+  void add_points(Contact& contact, const Manifold& m, const std::array<double, 2>& inverse_mass,
+                  const ContactScales& scales) {
+    each_point(m, [&](int place, const Vec3<double>& point, double gap) {
+      if (contacts.size() == most_) return;
+      contact.place = place;
+      contact.at = {m.normal, point, gap};
+      measure(contact, bodies_of(contact, std::as_const(flights)), inverse_mass, scales);
+      if (!(contact.smallest_gap() < scales.margin)) return;
+      const double share = inverse_mass[1] / (inverse_mass[0] + inverse_mass[1]);
+      contacts.push_back(contact);
+      ends.push_back({contact.plane() ? -1 : contact.first, contact.second, static_cast<float>(1 - share),
+                      static_cast<float>(share)});
+      presence.push_back(static_cast<T>(contact.presence));
+    });
+  }
+
+  std::size_t most_ = std::numeric_limits<std::size_t>::max();
+};
+
+}  // namespace rbres::detail

@@ -1,0 +1,123 @@
+#pragma once
+
+#include <rbres/learn/contact_frame.hpp>
+#include <rbres/sim/contacts.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <type_traits>
+
+namespace rbres {
+
+/// How bodies collide, learned from trajectories: it stands where Coulomb's and Newton's laws stand. At every
+/// contact point of a frame a network gives an impulse in the contact's own frame, an angular impulse about
+/// the normal, and the time at which they act, from gaps, velocities, masses and arms, and from messages over
+/// the bodies that contacts share. Impulses are equal and opposite at one common point, so that linear and
+/// angular momentum are kept whatever the network says; the world may be turned, mirrored or moved, and its
+/// bodies numbered otherwise. One law serves any number of bodies of any shapes.
+///
+///     simulate(system, state, Gravity{}, Rk4{}, law, {.step = law.scales.frame_time, .duration = 2.0});
+template <int Width = 48, int Rounds = 2, std::floating_point T = float>
+struct ContactLaw {
+  using Scalar = T;
+  using Network =
+      ContactNetwork<T, detail::Contact::features, detail::ContactImpulse::outputs, Width, Rounds>;
+  using Frame = detail::ContactFrame<T>;
+
+  Network network;
+  Normalizer<T, detail::Contact::features> input{};
+  ContactScales scales{};
+
+  /// Room for `bodies` bodies among `planes` planes, with up to `points` contact points for each pair (1 for
+  /// balls, 12 for boxes). A body is expected to have six pairs of its own and three planes at most; contacts
+  /// beyond that are left out.
+  class Workspace {
+   public:
+    Workspace(std::size_t bodies, std::size_t planes, std::size_t points = 12)
+        : frame(bodies, most_contacts(bodies, planes, points)),
+          network(static_cast<Eigen::Index>(most_contacts(bodies, planes, points)),
+                  static_cast<Eigen::Index>(bodies)) {}
+
+   private:
+    friend ContactLaw;
+    static std::size_t most_contacts(std::size_t bodies, std::size_t planes, std::size_t points) {
+      const std::size_t pairs = std::min(bodies * (bodies - 1) / 2, 6 * bodies);
+      return points * (pairs + std::min<std::size_t>(planes, 3) * bodies);
+    }
+
+    Frame frame;
+    typename Network::Workspace network;
+  };
+
+  /// Turns `states`, where free flight has taken the bodies from `start` in a frame's time, into where they
+  /// are with their contacts. Returns how many contact points took part. Allocates nothing.
+  template <class Shape>
+  long respond(std::span<const Body<double, Shape>> bodies, std::span<const Plane<double>> planes,
+               std::span<const RigidState<double>> start, std::span<RigidState<double>> states,
+               Workspace& own) const noexcept {
+    Frame& frame = own.frame;
+    frame.clear();
+    frame.add(detail::SceneView<Shape>{bodies, planes}, start, std::span<const RigidState<double>>(states),
+              scales);
+    frame.encode(input, scales);
+    network.forward(frame.inputs, frame.presence, frame.ends, std::ssize(bodies), frame.outputs, own.network);
+    frame.sum_impulses(scales);
+    for (std::size_t i = 0; i < states.size(); ++i)
+      states[i] = detail::pushed(bodies[i], states[i], frame.sums[i]);
+    return std::ssize(frame.contacts);
+  }
+
+  /// What simulate(), Stepper and simulate_batch() ask of contacts, see AnalyticContacts. The tally's
+  /// `touching` counts contact points; nothing else is counted.
+  static constexpr bool allows_overlap = true;
+
+  /// Throws Error where a step is not the law's frame time.
+  void check(const StepPlan& plan) const {
+    for (const long part : {0L, plan.parts() - 1})
+      if (plan.parts() > 0) check_step(plan.part(part).step);
+  }
+  void check_step(double step) const {
+    if (!(std::abs(step - scales.frame_time) <= 1e-6 * scales.frame_time))
+      detail::refuse("step of a learned contact law",
+                     detail::text("its frame time, ", scales.frame_time, " s"), step);
+  }
+
+  template <class System>
+  class Step {
+    using State = typename System::State;
+    using Shape = typename System::Shape;
+    static_assert(std::is_same_v<typename System::Scalar, double>,
+                  "a learned contact law takes states of double");
+
+   public:
+    Step(const ContactLaw& law, const System& system, const SimulationOptions& options)
+        : law_(&law),
+          system_(&system),
+          workspace_(System::bodies, system.planes().size(),
+                     static_cast<std::size_t>(std::max(PairManifold<double, Shape>::points,
+                                                       PlaneManifold<double, Shape>::points))) {
+      law.check_step(options.step);
+    }
+
+    /// Throws Error where h is neither the law's frame time nor 0 s, which moves nothing.
+    template <class Model, class Integrator, class Observer>
+    void step(const Model& forces, const Integrator& integrator, State& y, double t, double h, Observer&,
+              ContactTally<double>& tally) {
+      if (h == 0) return;
+      law_->check_step(h);
+      const State start = y;
+      fly_on(*system_, forces, integrator, y, t, h);
+      using Bodies = std::span<const Body<double, Shape>>;
+      tally.touching += law_->respond(
+          Bodies(&(*system_)[0], System::bodies), std::span<const Plane<double>>(system_->planes()),
+          std::span<const RigidState<double>>(start.body), std::span<RigidState<double>>(y.body), workspace_);
+    }
+
+   private:
+    const ContactLaw* law_;
+    const System* system_;
+    Workspace workspace_;
+  };
+};
+
+}  // namespace rbres

@@ -1,0 +1,153 @@
+#pragma once
+
+#include <rbres/dynamics/free_flight.hpp>
+#include <rbres/learn/contact_law.hpp>
+
+#include <span>
+#include <utility>
+#include <vector>
+
+namespace rbres::detail {
+
+/// The way back through free flight under gravity: adds to the derivative by the state where it begins.
+template <class OneBody>
+void add_free_flight_gradient(const OneBody& alone, const Gravity<double>& gravity,
+                              const RigidState<double>& from, double time, const RigidState<double>& by_to,
+                              RigidState<double>& by_from) {
+  by_from.position += by_to.position;
+  by_from.velocity += by_to.velocity + time * by_to.position;
+  using D = Dual<7>;
+  const auto constant = [](const Vec3<double>& v) { return Vec3<D>{D(v.x), D(v.y), D(v.z)}; };
+  SystemState<D, 1> y;
+  y[0] = {constant(from.position), dual_quaternion<7>(from.orientation, 0), constant(from.velocity),
+          dual_vector<7>(from.angular_velocity, 4)};
+  fly_on(alone.template cast<D>(), gravity, Rk4{}, y, D(0.0), D(time));
+  const Quat<D>& q = y[0].orientation;
+  const Vec3<D>& w = y[0].angular_velocity;
+  const Quat<double>& by_q = by_to.orientation;
+  const Vec3<double>& by_w = by_to.angular_velocity;
+  const Eigen::Matrix<double, 7, 1> g = by_q.x * q.x.derivatives() + by_q.y * q.y.derivatives() +
+                                        by_q.z * q.z.derivatives() + by_q.w * q.w.derivatives() +
+                                        by_w.x * w.x.derivatives() + by_w.y * w.y.derivatives() +
+                                        by_w.z * w.z.derivatives();
+  by_from.orientation = by_from.orientation + Quat<double>{g[0], g[1], g[2], g[3]};
+  by_from.angular_velocity += Vec3<double>{g[4], g[5], g[6]};
+}
+
+/// One frame of a rollout: where bodies begin, where free flight takes them, and the contacts between.
+template <class Law>
+struct RolloutFrame {
+  std::vector<RigidState<double>> start, flown;
+  typename Law::Frame contacts;
+  typename Law::Network::Record record;
+};
+
+/// The way back through a frame of a contact law.
+template <class Law>
+class FrameGradient {
+  using Net = typename Law::Network;
+  using T = typename Law::Scalar;
+  using States = std::vector<RigidState<double>>;
+
+ public:
+  static constexpr RigidState<double> zero{{}, {0, 0, 0, 0}, {}, {}};
+
+  /// From the derivatives by the states where the frame ends to those by the states where it begins. Adds to
+  /// the derivatives by the parameters. bodies[i] is a System of body i alone.
+  void operator()(const Law& law, const Net& network, std::span<const System<double, 1>* const> bodies,
+                  const std::vector<Plane<double>>& planes, const Gravity<double>& gravity,
+                  RolloutFrame<Law>& frame, const States& by_end, States& by_start,
+                  ParameterGradient<Net>& gradient) {
+    const std::size_t count = bodies.size();
+    const double time = law.scales.frame_time;
+    by_flown_.assign(count, zero);
+    by_start.assign(count, zero);
+    ContactFlight none{};
+    none.turned = {0, 0, 0, 0};
+    by_flights_.assign(count, none);
+    by_sums_.resize(count);
+    for (std::size_t i = 0; i < count; ++i)
+      by_sums_[i] = add_pushed_gradient((*bodies[i])[0], frame.flown[i], frame.contacts.sums[i], by_end[i],
+                                        by_flown_[i]);
+    back_through_contacts(law, network, frame, gradient);
+    for (std::size_t k = 0; k < frame.contacts.contacts.size();)
+      k = back_through_places(bodies, planes, frame.contacts, k);
+    for (std::size_t i = 0; i < count; ++i) {
+      add_flight_gradient((*bodies[i])[0], frame.start[i], frame.flown[i], time, by_flights_[i], by_start[i],
+                          by_flown_[i]);
+      add_free_flight_gradient(*bodies[i], gravity, frame.start[i], time, by_flown_[i], by_start[i]);
+    }
+  }
+
+ private:
+  /// From the derivatives by the bodies' sums to those by places and flights.
+  void back_through_contacts(const Law& law, const Net& network, RolloutFrame<Law>& rollout,
+                             ParameterGradient<Net>& gradient) {
+    auto& frame = rollout.contacts;
+    const std::size_t contacts = frame.contacts.size();
+    const auto columns = static_cast<Eigen::Index>(contacts);
+    if (by_outputs_.cols() < columns) {
+      by_outputs_.resize(ContactImpulse::outputs, 2 * columns);
+      by_inputs_.resize(Contact::features, 2 * columns);
+    }
+    by_presence_.resize(contacts);
+    by_contacts_.assign(contacts, {});
+    for (std::size_t k = 0; k < contacts; ++k) {
+      const Contact& c = frame.contacts[k];
+      const auto by =
+          add_impulse_gradient(c, frame.output(k), Law::Frame::bodies_of(c, std::as_const(frame.flights)),
+                               law.scales, Law::Frame::bodies_of(c, std::as_const(by_sums_)), by_contacts_[k],
+                               Law::Frame::bodies_of(c, by_flights_));
+      for (std::size_t i = 0; i < by.size(); ++i)
+        by_outputs_(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) = static_cast<T>(by[i]);
+    }
+    rollout.record.backward(network, frame.presence, frame.ends, std::ssize(rollout.start), by_outputs_,
+                            gradient.numbers(), by_inputs_, by_presence_);
+    for (std::size_t k = 0; k < contacts; ++k) {
+      const Contact& c = frame.contacts[k];
+      Contact::Features by;
+      for (std::size_t i = 0; i < by.size(); ++i) {
+        const auto row = static_cast<Eigen::Index>(i);
+        by[i] = static_cast<double>(by_inputs_(row, static_cast<Eigen::Index>(k)) / law.input.deviation[row]);
+      }
+      by_contacts_[k].presence += static_cast<double>(by_presence_[k]);
+      add_measure_gradient(c, Law::Frame::bodies_of(c, std::as_const(frame.flights)), law.scales, by,
+                           by_contacts_[k], Law::Frame::bodies_of(c, by_flights_));
+    }
+  }
+
+  /// From the derivatives by the places of the pair of contact k to those by flights; the first contact of
+  /// another pair.
+  std::size_t back_through_places(std::span<const System<double, 1>* const> bodies,
+                                  const std::vector<Plane<double>>& planes, const typename Law::Frame& frame,
+                                  std::size_t k) {
+    const Contact& c = frame.contacts[k];
+    std::size_t end = k;
+    std::array<const ContactPlace*, 12> by_place{};
+    for (; end < frame.contacts.size(); ++end) {
+      const Contact& other = frame.contacts[end];
+      if (other.first != c.first || other.second != c.second) break;
+      by_place[static_cast<std::size_t>(other.place)] = &by_contacts_[end].at;
+    }
+    const auto by = [&](int place) { return by_place[static_cast<std::size_t>(place)]; };
+    const auto second = static_cast<std::size_t>(c.second);
+    if (c.plane()) {
+      add_place_gradient(planes[static_cast<std::size_t>(-1 - c.first)], (*bodies[second])[0],
+                         frame.flights[second], by, by_flights_[second]);
+    } else {
+      const auto first = static_cast<std::size_t>(c.first);
+      add_place_gradient((*bodies[first])[0], frame.flights[first], (*bodies[second])[0],
+                         frame.flights[second], by, by_flights_[first], by_flights_[second]);
+    }
+    return end;
+  }
+
+  States by_flown_;
+  std::vector<ContactFlight> by_flights_;
+  std::vector<BodyImpulse> by_sums_;
+  std::vector<ContactGradient> by_contacts_;
+  typename Law::Frame::Columns by_outputs_, by_inputs_;
+  std::vector<T> by_presence_;
+};
+
+}  // namespace rbres::detail

@@ -1,0 +1,168 @@
+#pragma once
+
+#include <rbres/learn/frame_gradient.hpp>
+#include <rbres/learn/rollout_loss.hpp>
+#include <rbres/learn/trajectory.hpp>
+#include <rbres/nn/objective.hpp>
+
+#include <cmath>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace rbres {
+
+/// Rollouts of a contact law beside trajectories, as an objective: an item is a window, some frames of one
+/// scene; the law starts from its first frame and is judged by all others. Its value is the mean of
+/// RolloutLoss over frames and bodies. Differentiates by hand through time and network.
+template <class Law>
+class Rollouts {
+  using Net = typename Law::Network;
+  using States = std::vector<RigidState<double>>;
+
+ public:
+  /// Of one thread: every frame of the rollouts of a chunk.
+  struct Scratch {
+    std::vector<detail::RolloutFrame<Law>> frames;
+    std::vector<const System<double, 1>*> bodies;
+    States states, by_end, by_start;
+    detail::FrameGradient<Law> gradient;
+  };
+
+  /// Windows of `frames` + 1 frames, of which a scene's begin `stride` frames apart, of a set that must
+  /// outlive the objective. The law gives scales and normalisation. Throws Error where its frame time is not
+  /// the set's, or no scene is long enough.
+  Rollouts(const Law& law, const TrajectorySet& set, int frames, int stride, const RolloutLoss& loss = {})
+      : law_(law), set_(&set), frames_(frames), loss_(loss) {
+    if (frames < 1) detail::refuse("Rollouts: frames", "at least 1", frames);
+    if (stride < 1) detail::refuse("Rollouts: stride", "at least 1", stride);
+    if (std::abs(set.frame_time() - law.scales.frame_time) > 1e-9 * law.scales.frame_time)
+      detail::refuse("Rollouts: frame time of the trajectories", detail::text(law.scales.frame_time, " s"),
+                     set.frame_time());
+    for (int s = 0; s < set.size(); ++s) {
+      for (int t = 0; t + frames < set[s].frames(); t += stride) windows_.push_back({s, t});
+      first_.push_back(alone_.size());
+      for (int i = 0; i < set[s].bodies(); ++i) alone_.push_back(System<double, 1>({set[s].body(i)}));
+    }
+    if (windows_.empty())
+      detail::refuse("Rollouts: scenes", detail::text("one of at least ", frames + 1, " frames"), "none");
+  }
+
+  Scratch scratch() const { return {}; }
+  std::ptrdiff_t count() const { return std::ssize(windows_); }
+  std::ptrdiff_t chunk() const { return 16; }
+
+  double value(const Net& network, Items items, Scratch& own) const {
+    begin(items, own);
+    double value = 0;
+    for (int t = 0; t < frames_; ++t) {
+      forward(network, items, own.frames[index(t)], own);
+      own.by_end.assign(own.states.size(), zero);
+      value += add_losses(items, t + 1, own.states, own.by_end);
+    }
+    return value;
+  }
+
+  double differentiate(const Net& network, Items items, const DropoutMask&, Scratch& own,
+                       ParameterGradient<Net>& gradient) const {
+    begin(items, own);
+    for (int t = 0; t < frames_; ++t) forward(network, items, own.frames[index(t)], own);
+    double value = 0;
+    own.by_end.assign(own.states.size(), zero);
+    for (int t = frames_; t-- > 0;) {
+      value +=
+          add_losses(items, t + 1, t + 1 < frames_ ? own.frames[index(t + 1)].start : own.states, own.by_end);
+      own.gradient(law_, network, own.bodies, set_->planes(), Gravity<double>{set_->gravity()},
+                   own.frames[index(t)], own.by_end, own.by_start, gradient);
+      own.by_end.swap(own.by_start);
+    }
+    return value;
+  }
+
+  /// Of the windows, their numbers, and how they are judged.
+  std::uint64_t digest() const {
+    detail::Digest digest;
+    digest.add(static_cast<std::uint64_t>(frames_));
+    for (const double x : {law_.scales.frame_time, law_.scales.speed, law_.scales.margin}) digest.add(&x, 1);
+    for (const auto& term : {loss_.position, loss_.rotation, loss_.velocity, loss_.spin})
+      for (const double x : {term.weight, term.cap}) digest.add(&x, 1);
+    digest.add(law_.input.mean.data(), static_cast<std::size_t>(law_.input.mean.size()));
+    digest.add(law_.input.deviation.data(), static_cast<std::size_t>(law_.input.deviation.size()));
+    for (const Window& w : windows_) digest.add(static_cast<std::uint64_t>(w.scene) << 32 | index(w.start));
+    for (const Trajectory& scene : *set_)
+      for (int t = 0; t < scene.frames(); ++t) digest.add(scene.frame(t).data(), scene.frame(t).size());
+    return digest.value();
+  }
+
+ private:
+  struct Window {
+    int scene, start;
+  };
+  static constexpr RigidState<double> zero = detail::FrameGradient<Law>::zero;
+  static std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+  /// Puts the first frames of all items into own.states, one behind the other.
+  void begin(Items items, Scratch& own) const {
+    own.frames.resize(index(frames_));
+    own.states.clear();
+    own.bodies.clear();
+    for (const std::uint32_t item : items) {
+      const Window& window = windows_[item];
+      const auto start = (*set_)[window.scene].frame(window.start);
+      own.states.insert(own.states.end(), start.begin(), start.end());
+      for (std::size_t i = 0; i < start.size(); ++i)
+        own.bodies.push_back(&alone_[first_[index(window.scene)] + i]);
+    }
+  }
+
+  /// Takes own.states on by a frame.
+  void forward(const Net& network, Items items, detail::RolloutFrame<Law>& frame, Scratch& own) const {
+    frame.start = own.states;
+    frame.flown.resize(own.states.size());
+    for (std::size_t i = 0; i < own.states.size(); ++i)
+      frame.flown[i] = fly(*own.bodies[i], Gravity<double>{set_->gravity()}, Rk4{},
+                           SystemState<double, 1>{{frame.start[i]}}, 0.0, law_.scales.frame_time)[0];
+    auto& contacts = frame.contacts;
+    contacts.clear();
+    std::size_t base = 0;
+    for (const std::uint32_t item : items) {
+      const Trajectory& scene = (*set_)[windows_[item].scene];
+      const auto n = index(scene.bodies());
+      contacts.add(detail::SceneView<AnyShape<double>>{{&scene.body(0), n}, set_->planes()},
+                   std::span<const RigidState<double>>(frame.start).subspan(base, n),
+                   std::span<const RigidState<double>>(frame.flown).subspan(base, n), law_.scales);
+      base += n;
+    }
+    contacts.encode(law_.input, law_.scales);
+    frame.record.forward(network, contacts.inputs, contacts.presence, contacts.ends, std::ssize(own.states),
+                         contacts.outputs);
+    contacts.sum_impulses(law_.scales);
+    for (std::size_t i = 0; i < own.states.size(); ++i)
+      own.states[i] = detail::pushed((*own.bodies[i])[0], frame.flown[i], contacts.sums[i]);
+  }
+
+  /// What states cost that are t frames after the start.
+  double add_losses(Items items, int t, const States& states, States& by_states) const {
+    double value = 0;
+    std::size_t base = 0;
+    for (const std::uint32_t item : items) {
+      const Window& window = windows_[item];
+      const auto truth = (*set_)[window.scene].frame(window.start + t);
+      const double share = 1 / static_cast<double>(index(frames_) * truth.size());
+      for (std::size_t i = 0; i < truth.size(); ++i)
+        value += detail::add_loss(loss_, states[base + i], truth[i], share, by_states[base + i]);
+      base += truth.size();
+    }
+    return value;
+  }
+
+  Law law_;
+  const TrajectorySet* set_;
+  int frames_;
+  RolloutLoss loss_;
+  std::vector<Window> windows_;
+  std::vector<System<double, 1>> alone_;  ///< every body of every scene
+  std::vector<std::size_t> first_;        ///< a scene's first body among them
+};
+
+}  // namespace rbres

@@ -1,0 +1,63 @@
+// Contact laws as files.
+#include <rbres/io/contact_law.hpp>
+
+#include <algorithm>
+
+#include "io_support.hpp"
+
+using namespace rbres;
+
+namespace {
+
+using Law = ContactLaw<8, 2>;
+
+Law some_law() {
+  Law law;
+  law.network = Law::Network(3);
+  for (int i = 0; i < law.input.mean.size(); ++i) {
+    law.input.mean[i] = 0.1f * static_cast<float>(i) - 0.3f;
+    law.input.deviation[i] = 0.5f + 0.1f * static_cast<float>(i);
+  }
+  law.scales = {.frame_time = 1.0 / 148, .speed = 0.7, .margin = 1e-3 / 3};
+  return law;
+}
+
+}  // namespace
+
+TEST_CASE("a contact law is read as it was written, frame time and all") {
+  const TemporaryFolder folder;
+  const Law law = some_law();
+  save(folder / "law.safetensors", law, {{"made_of", "nothing"}});
+  const Law read = load<Law>(folder / "law.safetensors");
+  CHECK(std::ranges::equal(read.network.parameters(), law.network.parameters()));
+  CHECK(read.input.mean == law.input.mean);
+  CHECK(read.input.deviation == law.input.deviation);
+  CHECK(read.scales.frame_time == law.scales.frame_time);
+  CHECK(read.scales.speed == law.scales.speed);
+  CHECK(read.scales.margin == law.scales.margin);
+}
+
+TEST_CASE("files of other laws and laws that make no sense are refused") {
+  const TemporaryFolder folder;
+  const auto path = folder / "law.safetensors";
+  save(path, some_law());
+  CHECK(error_of([&] { load<ContactLaw<8, 3>>(path); }) ==
+        path.string() +
+            ": metadata 'contact_law': expected 'width 8, rounds 3, features 14, outputs 4', found "
+            "'width 8, rounds 2, features 14, outputs 4'");
+  CHECK(error_of([&] { load<ContactLaw<8, 2, double>>(path); }).find("float64") != std::string::npos);
+  auto bytes = read_bytes(path);
+  bytes[bytes.size() / 2] ^= 1;
+  write_bytes(path, bytes);
+  CHECK(error_of([&] { load<Law>(path); }).find("digest") != std::string::npos);
+
+  Law law = some_law();
+  law.scales.frame_time = 0;
+  CHECK(error_of([&] {
+          save(path, law);
+        }).starts_with("scales of a saved contact law: expected numbers from "));
+  law = some_law();
+  law.network.parameters()[0] = NAN;
+  CHECK(error_of([&] { save(path, law); }).starts_with("weights of a contact law"));
+  CHECK(read_bytes(path) == bytes);
+}

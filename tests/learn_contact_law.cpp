@@ -1,0 +1,208 @@
+// What a contact law keeps whatever its network says, and how it stands in the simulator.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <rbres/body/mechanics.hpp>
+#include <rbres/learn/contact_law.hpp>
+#include <rbres/sim/batch.hpp>
+
+#include "../examples/common/count_allocations.hpp"
+#include "learn_support.hpp"
+
+using namespace rbres;
+using namespace learn_support;
+
+namespace {
+
+using Law = ContactLaw<16, 3, double>;
+const Gravity<double> weightless{{0, 0, 0}};
+
+double distance(const RigidState<double>& a, const RigidState<double>& b) {
+  return (a.vector() - b.vector()).norm();
+}
+
+}  // namespace
+
+TEST_CASE("linear and angular momentum are kept, whatever the network says") {
+  const auto system = heap();
+  double moved = 0;
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    const auto law = random_law<Law>(seed, 0.05);
+    auto y = close_together(seed);
+    for (int i = 0; i < 4; ++i) y[i].position.x += 3;  // far from the origin
+    // Free flight keeps the angular momentum but for the integrator's error.
+    const auto flown = fly(system, weightless, Rk4{}, y, 0.0, 0.01),
+               after = one_frame(system, y, law, weightless);
+    double size = 0;
+    for (int i = 0; i < 4; ++i) {
+      moved += norm(after[i].velocity - flown[i].velocity);
+      size += norm(angular_momentum(system[i], after[i]));
+    }
+    CHECK(norm(linear_momentum(system, after) - linear_momentum(system, flown)) < 1e-12);
+    CHECK(norm(angular_momentum(system, after) - angular_momentum(system, flown)) < 1e-13 * size);
+  }
+  CHECK(moved > 1);
+}
+
+TEST_CASE("a law prefers no direction: it turns with the world") {
+  Random r(5);
+  for (std::uint64_t seed = 0; seed < 10; ++seed) {
+    const auto law = random_law<Law>(seed, 0.05);
+    const Quat<double> turn = random_orientation(r);
+    const Vec3<double> shift = random_vector(r, 2), up{0, 0, 1};
+    const Gravity<double> gravity{{0.5, 0, -9.81}};
+    const auto system = heap({{up, 0.02, {}}});
+    const Vec3<double> normal = rotate(turn, up);
+    const auto turned_system = heap({{normal, 0.02 + dot(normal, shift), {}}});
+    const auto y = close_together(seed);
+    auto turned = y;
+    const auto rotate_all = [&](SystemState<double, 4>& z) {
+      for (int i = 0; i < 4; ++i) {
+        z[i].position = rotate(turn, z[i].position) + shift;
+        z[i].orientation = turn * z[i].orientation;
+        z[i].velocity = rotate(turn, z[i].velocity);
+      }
+    };
+    rotate_all(turned);
+    auto expected = one_frame(system, y, law, gravity);
+    double moved = 0;
+    for (int i = 0; i < 4; ++i) moved += distance(expected[i], one_frame(system, y, Law{}, gravity)[i]);
+    CHECK(moved > 0.03);
+    rotate_all(expected);
+    const auto found = one_frame(turned_system, turned, law, Gravity<double>{rotate(turn, gravity.g)});
+    for (int i = 0; i < 4; ++i) CHECK(distance(found[i], expected[i]) < 1e-10);
+  }
+}
+
+TEST_CASE("a law is the same in a mirror") {
+  const System<double, 3> balls{
+      {Body<double>{Sphere{0.1}, 1.0}, Body<double>{Sphere{0.12}, 2.0}, Body<double>{Sphere{0.08}, 0.5}},
+      {floor_plane<double>()}};
+  const auto mirrored = [](SystemState<double, 3> y) {
+    for (int i = 0; i < 3; ++i) {
+      y[i].position.x *= -1, y[i].velocity.x *= -1;
+      y[i].angular_velocity.y *= -1, y[i].angular_velocity.z *= -1;
+      y[i].orientation.y *= -1, y[i].orientation.z *= -1;
+    }
+    return y;
+  };
+  Random r(6);
+  for (std::uint64_t seed = 0; seed < 10; ++seed) {
+    const auto law = random_law<Law>(seed, 0.05);
+    SystemState<double, 3> y;
+    for (int i = 0; i < 3; ++i)
+      y[i] = {Vec3<double>{0.16 * i, 0, 0.1} + random_vector(r, 0.02), random_orientation(r),
+              random_vector(r, 0.5), random_vector(r, 5)};
+    const auto expected = mirrored(one_frame(balls, y, law)), found = one_frame(balls, mirrored(y), law);
+    for (int i = 0; i < 3; ++i) CHECK(distance(found[i], expected[i]) < 1e-11);
+  }
+}
+
+TEST_CASE("a law does not know how bodies are numbered") {
+  for (std::uint64_t seed = 0; seed < 10; ++seed) {
+    const auto law = random_law<Law>(seed, 0.05);
+    const auto system = heap({floor_plane<double>()});
+    const System<double, 4> other({system[2], system[0], system[3], system[1]}, system.planes());
+    const auto y = close_together(seed);
+    const SystemState<double, 4> moved{{y[2], y[0], y[3], y[1]}};
+    const auto expected = one_frame(system, y, law), found = one_frame(other, moved, law);
+    const int place[4] = {2, 0, 3, 1};
+    for (int i = 0; i < 4; ++i) CHECK(distance(found[i], expected[place[i]]) < 1e-10);
+  }
+}
+
+TEST_CASE("bodies that do not touch fly as if alone, and what another pair does is none of theirs") {
+  const auto law = random_law<Law>(1, 2e-3);
+  const auto system = heap({floor_plane<double>()});
+  auto y = close_together(2);
+  const auto near = one_frame(system, y, law);
+  auto lone = y;
+  lone[0].position.x += 50;
+  const auto apart = one_frame(system, lone, law);
+  lone[0].position.z += 50;
+  const auto above = one_frame(system, lone, law);
+  CHECK(norm(above[0].velocity - (y[0].velocity - Vec3<double>{0, 0, 0.0981})) < 1e-12);
+  for (int i = 1; i < 4; ++i) CHECK(distance(above[i], apart[i]) < 1e-12);
+  double differs = 0;
+  for (int i = 1; i < 4; ++i) differs += distance(near[i], apart[i]);
+  CHECK(differs > 1e-3);
+}
+
+TEST_CASE("a law stands where the analytic contacts stand") {
+  const auto law = random_law<Law>(3, 0.02);
+  const auto system = heap({floor_plane<double>()});
+  const SimulationOptions options{.step = 0.01, .duration = 0.05};
+  const auto start = [](std::ptrdiff_t i) { return close_together(static_cast<std::uint64_t>(i)); };
+  std::vector<SystemState<double, 4>> expected(6), found(6);
+  for (std::ptrdiff_t i = 0; i < 6; ++i) {
+    auto& y = expected[static_cast<std::size_t>(i)] = start(i);
+    const auto report = simulate(system, y, Gravity{}, Rk4{}, law, options);
+    CHECK(report.steps == 5);
+    CHECK(report.touching > 0);
+    auto stepped = start(i);
+    Stepper stepper(system, Gravity{}, Rk4{}, law, options);
+    const long before = allocations;
+    for (int k = 0; k < 5; ++k) stepper.step(stepped, 0.01 * k, 0.01);
+    CHECK(allocations == before);
+    CHECK(stepped == y);
+    CHECK(stepper.tally().touching == report.touching);
+  }
+  for (const int threads : {1, 3}) {
+    simulate_batch<double>(
+        system, 6, start, [](const auto&) { return Gravity{}; }, Rk4{}, law, options,
+        [&](const auto& sample) { found[static_cast<std::size_t>(sample.scenario)] = sample.state; },
+        threads);
+    CHECK(found == expected);
+  }
+}
+
+TEST_CASE("a step other than the law's frame time is refused") {
+  const auto law = random_law<Law>(3, 0.02);
+  const auto system = heap();
+  auto y = close_together(1);
+  const auto before = y;
+  const auto refused = [&](const SimulationOptions& options) {
+    std::string message;
+    try {
+      simulate(system, y, Gravity{}, Rk4{}, law, options);
+    } catch (const Error& error) {
+      message = error.what();
+    }
+    return message;
+  };
+  CHECK(refused({.step = 0.005, .duration = 0.1}) ==
+        "step of a learned contact law: expected its frame time, 0.01 s, found 0.005");
+  // The last step would be shorter.
+  CHECK(refused({.step = 0.01, .duration = 0.105, .sample_rate = 10}) ==
+        "step of a learned contact law: expected its frame time, 0.01 s, found 0.005");
+  CHECK(y == before);
+  Stepper stepper(system, Gravity{}, Rk4{}, law, {.step = 0.01});
+  CHECK_THROWS_AS(stepper.step(y, 0.0, 0.02), Error);
+  CHECK(stepper.step(y, 0.0, 0.0) == -1);
+  CHECK(stepper.step(y, 0.0, -0.01) == 0);
+  CHECK(y == before);
+}
+
+TEST_CASE("one law serves any number of bodies") {
+  const auto law = random_law<ContactLaw<>>(4, 0.02);
+  const std::vector<Plane<double>> planes{floor_plane<double>()};
+  for (const std::size_t n : {1u, 3u, 24u, 200u}) {
+    std::vector<Body<double>> bodies;
+    std::vector<RigidState<double>> start(n), states;
+    for (std::size_t i = 0; i < n; ++i) {
+      bodies.push_back({shapes[i % 3], 1.0});
+      start[i].position = {0.4 * static_cast<double>(i), 0, 0.069};
+    }
+    states = start;
+    ContactLaw<>::Workspace workspace(n, 1);
+    const std::span<const Body<double>> view(bodies);
+    const long before = allocations;
+    const long contacts =
+        law.respond(view, std::span<const Plane<double>>(planes), std::span<const RigidState<double>>(start),
+                    std::span<RigidState<double>>(states), workspace);
+    CHECK(allocations == before);
+    CHECK(contacts >= static_cast<long>(n));
+    // They are too far from one another to touch.
+    for (std::size_t i = 3; i < n; ++i) CHECK(norm(states[i].velocity - states[i - 3].velocity) < 1e-5);
+  }
+}

@@ -1,0 +1,101 @@
+// What the way back through rollouts of a contact law gives, against central differences.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <rbres/learn/rollouts.hpp>
+
+#include "learn_support.hpp"
+
+using namespace rbres;
+using namespace learn_support;
+
+namespace {
+
+using Law = ContactLaw<6, 2, double>;
+using Net = Law::Network;
+
+/// A body of each of these shapes, one above the other and overlapping, for some frames that no law explains.
+Trajectory pile(const std::vector<int>& kinds, std::uint64_t seed) {
+  Random r(seed);
+  std::vector<Body<double>> bodies;
+  for (const int kind : kinds)
+    bodies.push_back(
+        {shapes[static_cast<std::size_t>(kind)], 0.7 + 0.6 * static_cast<double>(bodies.size())});
+  std::vector<RigidState<double>> states;
+  for (int t = 0; t < 4; ++t) {
+    for (std::size_t i = 0; i < bodies.size(); ++i) {
+      RigidState<double> y;
+      const double along = static_cast<double>(i);
+      y.position = {0.02 * along + 0.01 * t, 0.05 * along, 0.13 + 0.17 * along + 0.003 * t};
+      y.orientation = t == 0 ? random_orientation(r) : states[i].orientation;
+      y.velocity = random_vector(r, 0.3);
+      y.angular_velocity = random_vector(r, 2);
+      states.push_back(y);
+    }
+  }
+  return {bodies, states};
+}
+
+/// The worst error of the derivatives by the network's parameters, over the largest of them. `reaches` is
+/// the least number of contact points that the last frame must have.
+void check_pile(const std::vector<int>& kinds, std::size_t reaches) {
+  for (const int kind : kinds) CAPTURE(kind);
+  auto law = random_law<Law>(7, 0.3);
+  const TrajectorySet set(0.01, {0.3, 0, -9.81}, {{{0, 0, 1}, 0.01, {}}}, {pile(kinds, 3)});
+  // Caps stay far away: beyond them there is no derivative.
+  const Rollouts<Law> rollouts(law, set, 3, 1, {{100, 1e4}, {1, 1e4}, {1, 1e4}, {0.1, 1e4}});
+  const std::vector<std::uint32_t> items{0};
+  auto scratch = rollouts.scratch();
+  ParameterGradient<Net> gradient;
+  Net network = law.network;
+  const double value = rollouts.differentiate(network, items, {}, scratch, gradient);
+  CHECK(rollouts.value(network, items, scratch) == doctest::Approx(value).epsilon(1e-12));
+  CHECK(scratch.frames[2].contacts.contacts.size() >= reaches);
+  double worst = 0, largest = 0;
+  for (const ParameterTensor& tensor : Net::tensors()) {
+    for (int row = 0; row < tensor.rows; ++row) {
+      const int column = row % tensor.columns;
+      double& number = network.parameters()[tensor.index(row, column)];
+      const double before = number, h = 1e-6;
+      number = before + h;
+      const double above = rollouts.value(network, items, scratch);
+      number = before - h;
+      const double below = rollouts.value(network, items, scratch);
+      number = before;
+      const double difference = (above - below) / (2 * h);
+      worst = std::max(worst, std::abs(difference - gradient.numbers()[tensor.index(row, column)]));
+      largest = std::max(largest, std::abs(difference));
+    }
+  }
+  CHECK(largest > 0.1);
+  CHECK(worst < 1e-6 * largest);
+}
+
+}  // namespace
+
+TEST_CASE("rollouts beside a plane have the derivatives of central differences") {
+  check_pile({0}, 1);
+  check_pile({1}, 8);
+  check_pile({2}, 2);
+}
+
+TEST_CASE("rollouts of every pair of shapes have the derivatives of central differences") {
+  for (int first = 0; first < 3; ++first)
+    for (int second = 0; second < 3; ++second) check_pile({first, second}, 3);
+}
+
+TEST_CASE("rollouts of three bodies that share contacts have the derivatives of central differences") {
+  check_pile({0, 2, 0}, 4);
+}
+
+TEST_CASE("rollouts that make no sense are refused") {
+  const auto law = random_law<Law>(7, 0.3);
+  const TrajectorySet set(0.01, {}, {}, {pile({0}, 3)}), other(0.02, {}, {}, {pile({0}, 3)});
+  CHECK_NOTHROW(Rollouts<Law>(law, set, 3, 1));
+  CHECK_THROWS_WITH_AS(Rollouts<Law>(law, set, 4, 1),
+                       "Rollouts: scenes: expected one of at least 5 frames, found none", Error);
+  CHECK_THROWS_WITH_AS(Rollouts<Law>(law, other, 1, 1),
+                       "Rollouts: frame time of the trajectories: expected 0.01 s, found 0.02", Error);
+  CHECK_THROWS_AS(Rollouts<Law>(law, set, 0, 1), Error);
+  CHECK_THROWS_AS(Rollouts<Law>(law, set, 1, 0), Error);
+}
