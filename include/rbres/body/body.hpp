@@ -88,6 +88,13 @@ class Body {
   const Material<S>& material() const { return material_; }
   const S& bounding_radius() const { return bounding_radius_; }  ///< m
 
+  /// This body with its lengths, mass and moments of inertia multiplied, each by a factor of its own, and
+  /// another material.
+  Body scaled(const S& length, const S& mass, const S& inertia, const Material<S>& material) const {
+    return Body(detail::with_shape(shape_, [&](const auto& s) { return Shape(s.scaled(length)); }),
+                mass * mass_, PrincipalInertia<S>{inertia * inertia_, shape_rotation_.conjugate()}, material);
+  }
+
   /// The same body in another scalar; packs get it in every lane.
   template <class T>
   auto cast() const {

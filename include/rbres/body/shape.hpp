@@ -11,8 +11,8 @@ namespace rbres {
 /// largest speed at which a unit spin moves the surface along its normal, m), volume() (m^3),
 /// unit_inertia() (principal moments of a uniform solid over its mass, m^2), and frontal(v, factor): the
 /// factor times the area it turns towards a body-frame velocity v times |v| (m^3/s), from which the fluid's
-/// friction follows; describe(), for messages; and check(), which throws Error for sizes that no shape has,
-/// or beyond BodyLimits.
+/// friction follows; scaled(factor), the shape with all lengths multiplied; describe(), for messages; and
+/// check(), which throws Error for sizes that no shape has, or beyond BodyLimits.
 
 /// A ball.
 template <class S>
@@ -30,6 +30,7 @@ struct Sphere {
   S frontal(const Vec3<S>& v, const S& factor) const {
     return (factor * as<S>(std::numbers::pi) * radius * radius) * norm(v);
   }
+  Sphere scaled(const S& factor) const { return {factor * radius}; }
   template <class T>
   Sphere<T> cast() const {
     return {as<T>(radius)};
@@ -58,6 +59,7 @@ struct Box {
     return S(4) * factor *
            (half.y * half.z * abs(v.x) + half.x * half.z * abs(v.y) + half.x * half.y * abs(v.z));
   }
+  Box scaled(const S& factor) const { return Box(factor * half); }
   template <class T>
   Box<T> cast() const {
     return {as<T>(half.x), as<T>(half.y), as<T>(half.z)};
@@ -94,6 +96,7 @@ struct Capsule {
     return (factor * as<S>(std::numbers::pi) * radius * radius) * norm(v) +
            (factor * S(4) * radius * half_length) * norm(Vec3<S>{v.x, v.y, S(0)});
   }
+  Capsule scaled(const S& factor) const { return {factor * radius, factor * half_length}; }
   template <class T>
   Capsule<T> cast() const {
     return {as<T>(radius), as<T>(half_length)};

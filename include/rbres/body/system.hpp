@@ -108,4 +108,15 @@ class System {
   std::vector<Plane<S>> planes_;
 };
 
+/// How many bodies a system has: a System's type says so; what stands in for one with a number that is known
+/// when the program runs has -1 for it, and a size().
+template <class System>
+constexpr int bodies_of(const System& system) {
+  if constexpr (System::bodies >= 0) {
+    return System::bodies;
+  } else {
+    return system.size();
+  }
+}
+
 }  // namespace rbres

@@ -34,7 +34,8 @@ template <class System, class Model, class Integrator, class Push = NoPush>
     // Dual numbers take no short cut: their derivatives know of moments nearby.
     constexpr bool short_cut =
         std::is_same_v<Push, NoPush> && std::is_floating_point_v<typename ScalarTraits<S>::Value>;
-    for (int i = 0; i < System::bodies; ++i) {
+    const int bodies = bodies_of(system);
+    for (int i = 0; i < bodies; ++i) {
       const auto advance = [&]<class Angular>(Angular) __attribute__((always_inline)) {
         state[i] = integrator.advance(
             [&](const S& time, const RigidState<S>& y) __attribute__((always_inline)) {

@@ -132,11 +132,12 @@ template <class System>
 class DiscreteContact {
   using S = typename System::Scalar;
   using State = typename System::State;
-  static constexpr int N = System::bodies;
 
  public:
   explicit DiscreteContact(const System& system) : system_(&system) {
-    pairs_.reserve(N * (N - 1) / 2 + N * system.planes().size());
+    const auto n = static_cast<std::size_t>(bodies_of(system));
+    pairs_.reserve(n * (n - 1) / 2 + n * system.planes().size());
+    used_.reserve(n);
   }
 
   void resolve(const State& before, State& y, const S& rest_speed, ContactTally<S>& tally) {
@@ -182,32 +183,37 @@ class DiscreteContact {
     MaskOf<S> open;     ///< not yet taken
   };
 
+  /// Whether a pair has the body already. A type of its own, because a vector of bool gives no references.
+  struct Used {
+    MaskOf<S> yes;
+  };
+
   /// The pairs whose bounding balls overlap; and where two of them share a body.
   void find_pairs(const State& y) {
     const System& system = *system_;
-    std::array<MaskOf<S>, N> used;
-    used.fill(MaskOf<S>(false));
+    const int n = bodies_of(system);
+    used_.assign(static_cast<std::size_t>(n), {MaskOf<S>(false)});
     shared_ = MaskOf<S>(false);
     pairs_.clear();
     const auto add = [&](int first, int second, const MaskOf<S>& close) {
       pairs_.push_back({first, second, S(0), close});
       for (const int i : {first, second}) {
         if (i < 0) continue;
-        MaskOf<S>& u = used[static_cast<std::size_t>(i)];
+        MaskOf<S>& u = used_[static_cast<std::size_t>(i)].yes;
         shared_ = shared_ | (u & close);
         u = u | close;
       }
     };
     const auto& planes = system.planes();
     for (std::size_t p = 0; p < planes.size(); ++p) {
-      for (int i = 0; i < N; ++i) {
+      for (int i = 0; i < n; ++i) {
         const MaskOf<S> close =
             dot(planes[p].normal, y[i].position) - planes[p].offset < system[i].bounding_radius();
         if (any(close)) add(-1 - static_cast<int>(p), i, close);
       }
     }
-    for (int i = 0; i < N; ++i) {
-      for (int j = i + 1; j < N; ++j) {
+    for (int i = 0; i < n; ++i) {
+      for (int j = i + 1; j < n; ++j) {
         const S r = system[i].bounding_radius() + system[j].bounding_radius();
         const MaskOf<S> close = squared_norm(y[i].position - y[j].position) < r * r;
         if (any(close)) add(i, j, close);
@@ -217,6 +223,7 @@ class DiscreteContact {
 
   const System* system_;
   Reserved<Pair> pairs_;
+  Reserved<Used> used_;
   MaskOf<S> shared_{false};
 };
 
