@@ -12,9 +12,33 @@ struct Candidate {
   int second;  ///< index of a body, larger than first
 };
 
-/// Finds the pairs whose bounding balls, grown by how far each body may move, overlap: sort and sweep along x
-/// (Baraff 1992). The order is kept from call to call, so that sorting is nearly free. Pairs come out in
-/// order of (first, second).
+namespace detail {
+
+/// In order of (first, second).
+inline bool comes_before(const Candidate& a, const Candidate& b) {
+  return a.first != b.first ? a.first < b.first : a.second < b.second;
+}
+
+/// Calls found(i, j) for all pairs of intervals [low(i), high(i)] that overlap: sort and sweep (Baraff 1992).
+/// `order` holds each i once; it is kept from call to call, so that sorting is nearly free.
+template <class Order, class Low, class High, class Found>
+void sweep(Order& order, const Low& low, const High& high, const Found& found) {
+  for (std::size_t k = 1; k < order.size(); ++k) {
+    const int moved = order[k];
+    std::size_t at = k;
+    for (; at > 0 && low(moved) < low(order[at - 1]); --at) order[at] = order[at - 1];
+    order[at] = moved;
+  }
+  for (std::size_t k = 0; k < order.size(); ++k) {
+    const auto end = high(order[k]);
+    for (std::size_t l = k + 1; l < order.size() && low(order[l]) < end; ++l) found(order[k], order[l]);
+  }
+}
+
+}  // namespace detail
+
+/// Finds the pairs whose bounding balls, grown by how far each body may move, overlap: sort and sweep along
+/// x. Pairs come out in order of (first, second).
 template <class S, int N>
 class BroadPhase {
  public:
@@ -48,21 +72,11 @@ class BroadPhase {
         for (int j = i + 1; j < N; ++j) add(i, j);
       }
     } else {
-      const auto low = [&](int i) { return state[i].position.x - reach[static_cast<std::size_t>(i)]; };
-      for (std::size_t k = 1; k < N; ++k) {
-        const int moved = order_[k];
-        std::size_t at = k;
-        for (; at > 0 && low(moved) < low(order_[at - 1]); --at) order_[at] = order_[at - 1];
-        order_[at] = moved;
-      }
-      for (std::size_t k = 0; k < N; ++k) {
-        const S end = state[order_[k]].position.x + reach[static_cast<std::size_t>(order_[k])];
-        for (std::size_t l = k + 1; l < N && low(order_[l]) < end; ++l) add(order_[k], order_[l]);
-      }
-      std::sort(pairs_.begin() + static_cast<std::ptrdiff_t>(planes_end), pairs_.end(),
-                [](const Candidate& a, const Candidate& b) {
-                  return a.first != b.first ? a.first < b.first : a.second < b.second;
-                });
+      const auto place = [](int i) { return static_cast<std::size_t>(i); };
+      detail::sweep(
+          order_, [&](int i) { return state[i].position.x - reach[place(i)]; },
+          [&](int i) { return state[i].position.x + reach[place(i)]; }, add);
+      std::sort(pairs_.begin() + static_cast<std::ptrdiff_t>(planes_end), pairs_.end(), detail::comes_before);
     }
     return pairs_;
   }

@@ -10,6 +10,10 @@ namespace rbres::detail {
 template <int N>
 using Dual = Eigen::AutoDiffScalar<Eigen::Matrix<double, N, 1>>;
 template <int N>
+Vec3<Dual<N>> constant_vector(const Vec3<double>& v) {
+  return {Dual<N>(v.x), Dual<N>(v.y), Dual<N>(v.z)};
+}
+template <int N>
 Vec3<Dual<N>> dual_vector(const Vec3<double>& v, int first) {
   return {Dual<N>(v.x, N, first), Dual<N>(v.y, N, first + 1), Dual<N>(v.z, N, first + 2)};
 }
@@ -17,6 +21,17 @@ template <int N>
 Quat<Dual<N>> dual_quaternion(const Quat<double>& q, int first) {
   return {Dual<N>(q.x, N, first), Dual<N>(q.y, N, first + 1), Dual<N>(q.z, N, first + 2),
           Dual<N>(q.w, N, first + 3)};
+}
+
+/// The derivative by all inputs, from those by a quaternion and a vector.
+template <int N>
+Eigen::Matrix<double, N, 1> pull_back(const Vec3<double>& by, const Vec3<Dual<N>>& v) {
+  return by.x * v.x.derivatives() + by.y * v.y.derivatives() + by.z * v.z.derivatives();
+}
+template <int N>
+Eigen::Matrix<double, N, 1> pull_back(const Quat<double>& by, const Quat<Dual<N>>& q) {
+  return by.x * q.x.derivatives() + by.y * q.y.derivatives() + by.z * q.z.derivatives() +
+         by.w * q.w.derivatives();
 }
 
 inline Quat<double> operator+(const Quat<double>& a, const Quat<double>& b) {
@@ -86,19 +101,12 @@ void add_flight_gradient(const Body<double, Shape>& body, const RigidState<doubl
   const Quat<double> sum = from.orientation + to.orientation;
   const Quat<D> turned = normalized(dual_quaternion<4>(sum, 0));
   const Vec3<double>& inertia = body.inverse_inertia();
-  const Quat<double>& by_turned = by_flight.turned;
-  Eigen::Vector4d by = by_turned.x * turned.x.derivatives() + by_turned.y * turned.y.derivatives() +
-                       by_turned.z * turned.z.derivatives() + by_turned.w * turned.w.derivatives();
+  Eigen::Vector4d by = pull_back<4>(by_flight.turned, turned);
   if (!(inertia.x == inertia.y && inertia.y == inertia.z)) {
-    const Mat3<D> world =
-        rotated_diagonal(rotation_matrix(turned), Vec3<D>{D(inertia.x), D(inertia.y), D(inertia.z)});
-    const auto add = [&](const Vec3<double>& by_column, const Vec3<D>& column) {
-      by += by_column.x * column.x.derivatives() + by_column.y * column.y.derivatives() +
-            by_column.z * column.z.derivatives();
-    };
-    add(by_flight.inverse_inertia.x, world.x);
-    add(by_flight.inverse_inertia.y, world.y);
-    add(by_flight.inverse_inertia.z, world.z);
+    const Mat3<D> world = rotated_diagonal(rotation_matrix(turned), constant_vector<4>(inertia));
+    by += pull_back<4>(by_flight.inverse_inertia.x, world.x);
+    by += pull_back<4>(by_flight.inverse_inertia.y, world.y);
+    by += pull_back<4>(by_flight.inverse_inertia.z, world.z);
   }
   const Quat<double> by_sum{by[0], by[1], by[2], by[3]};
   by_from.orientation = by_from.orientation + by_sum;

@@ -1,11 +1,13 @@
 #pragma once
 
-#include <rbres/core/reserved.hpp>
+#include <rbres/contact/broad_phase.hpp>
 #include <rbres/learn/contact_impulses.hpp>
 #include <rbres/learn/contact_network.hpp>
 #include <rbres/predict/encoding.hpp>
 
+#include <algorithm>
 #include <limits>
+#include <numeric>
 #include <span>
 
 namespace rbres::detail {
@@ -40,6 +42,9 @@ struct ContactFrame {
     contacts.reserve(most_contacts);
     ends.reserve(most_contacts);
     presence.reserve(most_contacts);
+    reach_.reserve(bodies);
+    order_.reserve(bodies);
+    pairs_.reserve(most_contacts);
     most_ = most_contacts;
   }
 
@@ -55,12 +60,20 @@ struct ContactFrame {
   void add(const SceneView<Shape>& scene, std::span<const RigidState<double>> start,
            std::span<const RigidState<double>> flown, const ContactScales& scales) {
     const std::size_t base = flights.size();
-    for (std::size_t i = 0; i < scene.bodies.size(); ++i)
+    reach_.clear();
+    for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
       flights.push_back(contact_flight(scene.bodies[i], start[i], flown[i], scales.frame_time));
+      const ContactFlight& f = flights.back();
+      const double radius = scene.bodies[i].bounding_radius();
+      reach_.push_back(radius + 0.5 * scales.frame_time * (norm(f.mean_velocity) + radius * norm(f.spin)) +
+                       0.5 * scales.margin);
+    }
     for (std::size_t p = 0; p < scene.planes.size(); ++p)
       for (std::size_t i = 0; i < scene.bodies.size(); ++i) add_plane(scene, p, i, base, scales);
-    for (std::size_t i = 0; i < scene.bodies.size(); ++i)
-      for (std::size_t j = i + 1; j < scene.bodies.size(); ++j) add_pair(scene, i, j, base, scales);
+    find_pairs(base);
+    for (const Candidate& pair : pairs_)
+      add_pair(scene, static_cast<std::size_t>(pair.first), static_cast<std::size_t>(pair.second), base,
+               scales);
   }
 
   /// Fills the network's inputs.
@@ -100,14 +113,33 @@ struct ContactFrame {
   }
 
  private:
+  /// The pairs of bodies of the last scene, whose flights begin at `base`, that may touch within the frame.
+  void find_pairs(std::size_t base) {
+    const auto place = [](int i) { return static_cast<std::size_t>(i); };
+    const auto middle = [&](int i) -> const Vec3<double>& { return flights[base + place(i)].middle; };
+    if (order_.size() != reach_.size()) {
+      order_.resize(reach_.size());
+      std::iota(order_.begin(), order_.end(), 0);
+    }
+    pairs_.clear();
+    sweep(
+        order_, [&](int i) { return middle(i).x - reach_[place(i)]; },
+        [&](int i) { return middle(i).x + reach_[place(i)]; },
+        [&](int i, int j) {
+          const double reach = reach_[place(i)] + reach_[place(j)];
+          if (squared_norm(middle(i) - middle(j)) < reach * reach && pairs_.size() < most_)
+            pairs_.push_back({std::min(i, j), std::max(i, j)});
+        });
+    std::sort(pairs_.begin(), pairs_.end(), comes_before);
+  }
+
   template <class Shape>
   void add_plane(const SceneView<Shape>& scene, std::size_t p, std::size_t i, std::size_t base,
                  const ContactScales& scales) {
     const Plane<double>& plane = scene.planes[p];
     const auto& body = scene.bodies[i];
     const ContactFlight& f = flights[base + i];
-    const double way = 0.5 * scales.frame_time * norm(f.mean_velocity);
-    if (dot(plane.normal, f.middle) - plane.offset > 2 * body.bounding_radius() + way + scales.margin) return;
+    if (!(dot(plane.normal, f.middle) - plane.offset < reach_[i] + 0.5 * scales.margin)) return;
     Contact contact;
     contact.first = -1 - static_cast<int>(p);
     contact.second = static_cast<int>(base + i);
@@ -123,9 +155,6 @@ struct ContactFrame {
                 const ContactScales& scales) {
     const auto &first = scene.bodies[i], &second = scene.bodies[j];
     const ContactFlight &f = flights[base + i], &g = flights[base + j];
-    const double way = 0.5 * scales.frame_time * norm(g.mean_velocity - f.mean_velocity);
-    const double reach = 1.5 * (first.bounding_radius() + second.bounding_radius()) + way + scales.margin;
-    if (squared_norm(g.middle - f.middle) > reach * reach) return;
     Contact contact;
     contact.first = static_cast<int>(base + i);
     contact.second = static_cast<int>(base + j);
@@ -153,6 +182,9 @@ struct ContactFrame {
     });
   }
 
+  Reserved<double> reach_;  ///< how far from its middle a body of the last scene may touch something, m
+  Reserved<int> order_;     ///< of its bodies along x
+  Reserved<Candidate> pairs_;
   std::size_t most_ = std::numeric_limits<std::size_t>::max();
 };
 

@@ -171,19 +171,13 @@ BodyImpulse add_pushed_gradient(const Body<double, Shape>& body, const RigidStat
     by_flown.vector() += by_after.vector();
     return by;
   }
-  using D = Dual<13>;
   const Vec3<double> velocity = flown.velocity + body.inverse_mass() * sum.linear;
-  const auto constant = [](const Vec3<double>& v) { return Vec3<D>{D(v.x), D(v.y), D(v.z)}; };
   const auto [q, w] =
-      turned_by(constant(body.inertia()), constant(body.inverse_inertia()),
+      turned_by(constant_vector<13>(body.inertia()), constant_vector<13>(body.inverse_inertia()),
                 dual_quaternion<13>(flown.orientation, 0), dual_vector<13>(flown.angular_velocity, 4),
                 dual_vector<13>(spin_change(sum, velocity), 7), dual_vector<13>(sum.turn, 10));
-  const Quat<double>& by_q = by_after.orientation;
-  const Vec3<double>& by_w = by_after.angular_velocity;
-  const Eigen::Matrix<double, 13, 1> g = by_q.x * q.x.derivatives() + by_q.y * q.y.derivatives() +
-                                         by_q.z * q.z.derivatives() + by_q.w * q.w.derivatives() +
-                                         by_w.x * w.x.derivatives() + by_w.y * w.y.derivatives() +
-                                         by_w.z * w.z.derivatives();
+  const Eigen::Matrix<double, 13, 1> g =
+      pull_back<13>(by_after.orientation, q) + pull_back<13>(by_after.angular_velocity, w);
   by_flown.orientation = by_flown.orientation + Quat<double>{g[0], g[1], g[2], g[3]};
   by_flown.angular_velocity += Vec3<double>{g[4], g[5], g[6]};
   const Vec3<double> by_change{g[7], g[8], g[9]};

@@ -82,16 +82,12 @@ void add_pose_gradient(const Vector& by, int first, ContactFlight& by_flight) {
 /// The derivative by all inputs of a manifold of duals, from those by its places: by_place(i) is nullptr
 /// where a place was left out.
 template <int N, int P, bool C, class ByPlace>
-Eigen::Matrix<double, N, 1> pull_back(const Manifold<Dual<N>, P, C>& m, const ByPlace& by_place) {
+Eigen::Matrix<double, N, 1> pull_back_places(const Manifold<Dual<N>, P, C>& m, const ByPlace& by_place) {
   Eigen::Matrix<double, N, 1> by = Eigen::Matrix<double, N, 1>::Zero();
-  const auto add = [&](const Vec3<double>& by_vector, const Vec3<Dual<N>>& v) {
-    by += by_vector.x * v.x.derivatives() + by_vector.y * v.y.derivatives() + by_vector.z * v.z.derivatives();
-  };
   for (int i = 0; i < P; ++i) {
     const auto k = static_cast<std::size_t>(i);
     if (const ContactPlace* place = by_place(i)) {
-      add(place->normal, m.normal);
-      add(place->point, m.point[k]);
+      by += pull_back<N>(place->normal, m.normal) + pull_back<N>(place->point, m.point[k]);
       by += place->gap * m.gap[k].derivatives();
     }
   }
@@ -110,7 +106,7 @@ void add_place_gradient(const Body<double, Shape>& first, const ContactFlight& a
       constexpr int size = pose_size<A>, all = size + pose_size<B>;
       const auto [da, pa] = dual_pose<all>(a, at_first, first.shape_rotation(), 0);
       const auto [db, pb] = dual_pose<all>(b, at_second, second.shape_rotation(), size);
-      const auto by = pull_back<all>(detect(da, pa, db, pb), by_place);
+      const auto by = pull_back_places<all>(detect(da, pa, db, pb), by_place);
       add_pose_gradient<A>(by, 0, by_first);
       add_pose_gradient<B>(by, size, by_second);
     });
@@ -123,7 +119,7 @@ void add_place_gradient(const Plane<double>& plane, const Body<double, Shape>& b
     using B = std::remove_cvref_t<decltype(b)>;
     constexpr int all = pose_size<B>;
     const auto [db, pb] = dual_pose<all>(b, at, body.shape_rotation(), 0);
-    const auto by = pull_back<all>(detect(plane.template cast<Dual<all>>(), db, pb), by_place);
+    const auto by = pull_back_places<all>(detect(plane.template cast<Dual<all>>(), db, pb), by_place);
     add_pose_gradient<B>(by, 0, by_flight);
   });
 }

@@ -17,19 +17,12 @@ void add_free_flight_gradient(const OneBody& alone, const Gravity<double>& gravi
   by_from.position += by_to.position;
   by_from.velocity += by_to.velocity + time * by_to.position;
   using D = Dual<7>;
-  const auto constant = [](const Vec3<double>& v) { return Vec3<D>{D(v.x), D(v.y), D(v.z)}; };
   SystemState<D, 1> y;
-  y[0] = {constant(from.position), dual_quaternion<7>(from.orientation, 0), constant(from.velocity),
-          dual_vector<7>(from.angular_velocity, 4)};
+  y[0] = {constant_vector<7>(from.position), dual_quaternion<7>(from.orientation, 0),
+          constant_vector<7>(from.velocity), dual_vector<7>(from.angular_velocity, 4)};
   fly_on(alone.template cast<D>(), gravity, Rk4{}, y, D(0.0), D(time));
-  const Quat<D>& q = y[0].orientation;
-  const Vec3<D>& w = y[0].angular_velocity;
-  const Quat<double>& by_q = by_to.orientation;
-  const Vec3<double>& by_w = by_to.angular_velocity;
-  const Eigen::Matrix<double, 7, 1> g = by_q.x * q.x.derivatives() + by_q.y * q.y.derivatives() +
-                                        by_q.z * q.z.derivatives() + by_q.w * q.w.derivatives() +
-                                        by_w.x * w.x.derivatives() + by_w.y * w.y.derivatives() +
-                                        by_w.z * w.z.derivatives();
+  const Eigen::Matrix<double, 7, 1> g = pull_back<7>(by_to.orientation, y[0].orientation) +
+                                        pull_back<7>(by_to.angular_velocity, y[0].angular_velocity);
   by_from.orientation = by_from.orientation + Quat<double>{g[0], g[1], g[2], g[3]};
   by_from.angular_velocity += Vec3<double>{g[4], g[5], g[6]};
 }
