@@ -1,6 +1,6 @@
 // Observers that simulate would pass over in silence, or misunderstand: they must not compile. The tests look
 // for the words in the error.
-#include <rbres/rbres.hpp>
+#include <rbres/sim/simulate.hpp>
 
 using State = rbres::SystemState<double, 1>;
 
