@@ -1,0 +1,127 @@
+// Identifies a world from trajectories, learns how its bodies collide, and says how far each is from scenes
+// that it has not seen.
+#include <rbres/io/trajectories.hpp>
+#include <rbres/learn/identify.hpp>
+#include <rbres/learn/spring_damper.hpp>
+
+#include "common/command_line.hpp"
+#include "contacts/score.hpp"
+
+namespace {
+
+using namespace rbres;
+using contacts::Row;
+
+struct Options {
+  std::string folder;
+  int scenes = 0;
+  bool json = false;
+};
+
+void say(const char* what) { std::fprintf(stderr, "%s\n", what); }
+
+/// The part of the training scenes by which models are chosen: one in ten, the last.
+int chosen_by(const TrajectorySet& train) { return std::max(1, train.size() / 10); }
+
+/// How a scene is stepped: fitted with each, that which is closest to the scenes kept apart.
+Identification identify_world(const TrajectorySet& train) {
+  if (train.size() < 2) detail::refuse("training scenes", "at least 2", train.size());
+  const int apart = chosen_by(train);
+  const TrajectorySet fit = train.subset(0, train.size() - apart), choose = train.subset(fit.size(), apart);
+  IdentifyOptions options{.window = 50, .most_states = 20'000};
+  if (!(squared_norm(train.gravity()) > 0)) std::erase(options.unknowns, Unknown::gravity);
+  Identification best;
+  double least = std::numeric_limits<double>::infinity();
+  using enum SceneStep::Velocity;
+  for (const SceneStep& step : {SceneStep{1, mean}, SceneStep{1, instant}, SceneStep{5, instant}}) {
+    options.step = step;
+    const Identification found = identify(fit, options);
+    int failed = 0;
+    const double error = contacts::mean_position(contacts::score(
+        "", choose, [&](const Trajectory& s) { return SceneSimulator(choose, s, found.numbers(), step); },
+        failed));
+    std::fprintf(stderr, "simulator, %d step%s a frame, velocities %s: %.4f m from the scenes kept apart\n",
+                 step.steps, step.steps == 1 ? "" : "s",
+                 step.velocity == mean ? "of the frame before" : "instant", error);
+    if (!(error < least)) continue;
+    least = error;
+    best = found;
+  }
+  for (std::size_t i = 0; i < best.unknowns.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    std::fprintf(stderr, "  %-12s %9.4f +- %.4f\n", name(best.unknowns[i]), best.value(k),
+                 best.standard_error(k));
+  }
+  return best;
+}
+
+void print(const std::vector<Row>& rows, bool json) {
+  if (json) {
+    std::puts("[");
+    for (const Row& row : rows) {
+      std::printf(
+          "  {\"predictor\": \"%s\", \"seconds_ahead\": %.9g, \"position_m\": %.6g, \"rotation_rad\": %.6g, "
+          "\"us_per_frame\": %.4g}%s\n",
+          row.predictor.c_str(), row.seconds_ahead, row.position, row.rotation, row.us_per_frame,
+          &row == &rows.back() ? "" : ",");
+    }
+    std::puts("]");
+    return;
+  }
+  std::printf("%-22s %8s %12s %12s %10s\n", "predictor", "ahead s", "position m", "rotation rad", "us/frame");
+  for (const Row& row : rows)
+    std::printf("%-22s %8.3f %12.5f %12.4f %10.2f\n", row.predictor.c_str(), row.seconds_ahead, row.position,
+                row.rotation, row.us_per_frame);
+}
+
+void run(const Options& options) {
+  const std::filesystem::path folder = options.folder;
+  TrajectorySet train = read_trajectories(folder / "train");
+  if (options.scenes > 0) train = train.subset(0, options.scenes);
+  if (contacts::horizons(train).empty())
+    detail::refuse((folder / "train").string(), "scenes of at least 6 frames", "shorter ones");
+
+  const Identification world = identify_world(train);
+  say("spring-damper");
+  const SpringDamper spring = fit_spring_damper(train, 50, 10'000);
+  std::fprintf(stderr, "  stiffness %.4g / s^2, damping %.4g / s, friction %.3f\n", spring.stiffness,
+               spring.damping, spring.friction);
+
+  const TrajectorySet test = read_trajectories(folder / "test");
+  if (std::abs(test.frame_time() - train.frame_time()) > 1e-9 * train.frame_time())
+    detail::refuse((folder / "test").string() + ", frame time",
+                   detail::text(train.frame_time(), " s, as in train"), test.frame_time());
+  if (contacts::horizons(test).empty())
+    detail::refuse((folder / "test").string(), "scenes of at least 6 frames", "shorter ones");
+  std::vector<Row> rows;
+  const auto add = [&](const char* name, const auto& make) {
+    int failed = 0;
+    const auto own = contacts::score(name, test, make, failed);
+    rows.insert(rows.end(), own.begin(), own.end());
+    if (failed > 0) {
+      std::fprintf(stderr, "%s: %d of %d scenes refused or diverged, counted as the contact-free flow\n",
+                   name, failed, test.size());
+    }
+  };
+  add("contact-free flow", [&](const Trajectory& s) { return contacts::FreeFlight(test, s); });
+  add("fitted simulator",
+      [&](const Trajectory& s) { return SceneSimulator(test, s, world.numbers(), world.step); });
+  add("fitted spring-damper", [&](const Trajectory& s) { return SpringDamperSimulator(test, s, spring); });
+  print(rows, options.json);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Options options;
+  CLI::App app{
+      "Fits a simulator and a spring-damper law to FOLDER/train and prints how far each is from the scenes "
+      "of\n"
+      "FOLDER/test: mean distance and angle over scenes and bodies. <rbres/io/trajectories.hpp> says what "
+      "the "
+      "folders hold."};
+  app.add_option("FOLDER", options.folder, "holds train/ and test/")->required();
+  app.add_option("--scenes", options.scenes, "train on the first N scenes")->check(CLI::PositiveNumber);
+  app.add_flag("--json", options.json, "print a JSON array instead of the table");
+  return run_program("rbres_contacts", app, argc, argv, [&] { run(options); });
+}
