@@ -81,6 +81,10 @@ void run(const Options& options) {
   if (contacts::horizons(train).empty())
     detail::refuse((folder / "train").string(), "scenes of at least 6 frames", "shorter ones");
 
+  // It is opened after training; that it is not there is said before.
+  if (!std::filesystem::exists(folder / "test" / "world.json"))
+    detail::refuse((folder / "test").string(), "a trajectory set", "none");
+
   const Identification world = identify_world(train);
   say("spring-damper");
   const SpringDamper spring = fit_spring_damper(train, 50, 10'000);

@@ -13,4 +13,5 @@
 #include <rbres/learn/identify.hpp>
 #include <rbres/learn/learn_contacts.hpp>
 #include <rbres/learn/rollouts.hpp>
+#include <rbres/learn/spring_damper.hpp>
 #include <rbres/learn/trajectory.hpp>

@@ -1,0 +1,80 @@
+// rbres_contacts as a program: what it prints, and what it refuses.
+#include <nlohmann/json.hpp>
+
+#include <rbres/core/philox.hpp>
+#include <rbres/io/trajectories.hpp>
+#include <rbres/learn/spring_damper.hpp>
+
+#include "program_support.hpp"
+
+using namespace rbres;
+
+namespace {
+
+/// Balls thrown onto a floor of springs.
+TrajectorySet throws(int count, int frames, std::uint64_t seed, double frame_time = 0.01) {
+  const Vec3<double> gravity{0, 0, -9.81};
+  const std::vector<Body<double>> bodies{{Sphere{0.1}, 0.7}};
+  std::vector<Trajectory> scenes;
+  for (int s = 0; s < count; ++s) {
+    Random random(seed, static_cast<std::uint64_t>(s));
+    RigidState<double> ball;
+    ball.position = {0, 0, 0.12 + 0.1 * random.uniform()};
+    ball.velocity = {1 + random.uniform(), 0, -1 - random.uniform()};
+    const TrajectorySet set(frame_time, gravity, {floor_plane<double>()}, {{bodies, {ball, ball}}});
+    SpringDamperSimulator step(set, set[0], {.stiffness = 4000, .damping = 12, .friction = 0.2});
+    SceneState state{{ball}};
+    std::vector<RigidState<double>> states{ball};
+    while (std::ssize(states) <= frames) {
+      step(state);
+      states.push_back(state[0]);
+    }
+    scenes.push_back({bodies, states});
+  }
+  return {frame_time, gravity, {floor_plane<double>()}, scenes};
+}
+
+}  // namespace
+
+TEST_CASE("a row for each predictor and horizon") {
+  const TemporaryFolder folder;
+  write_trajectories(folder / "set/train", throws(10, 30, 1));
+  write_trajectories(folder / "set/test", throws(4, 30, 2));
+  const Outcome outcome = run(folder, RBRES_CONTACTS, "set --json");
+  CAPTURE(outcome.err);
+  REQUIRE(outcome.status == 0);
+  const auto rows = nlohmann::json::parse(outcome.out, nullptr, false);
+  REQUIRE(rows.is_array());
+  REQUIRE(rows.size() == 9);
+  const char* names[] = {"contact-free flow", "fitted simulator", "fitted spring-damper"};
+  const double ahead[] = {0.05, 0.1, 0.25};
+  for (std::size_t k = 0; k < 9; ++k) {
+    CHECK(rows[k].size() == 5);
+    CHECK(rows[k].at("predictor") == names[k / 3]);
+    CHECK(rows[k].at("seconds_ahead").get<double>() == doctest::Approx(ahead[k % 3]));
+    CHECK(rows[k].at("rotation_rad").get<double>() >= 0);
+    CHECK(rows[k].at("us_per_frame").get<double>() > 0);
+  }
+  const auto error = [&](std::size_t k) { return rows[3 * k + 2].at("position_m").get<double>(); };
+  CHECK(error(0) > 0.3);              // what falls through the floor is far below it
+  CHECK(error(1) < 0.1 * error(0));   // a bounce without depth is nearer
+  CHECK(error(2) < 0.01 * error(0));  // the law that made them is found
+}
+
+TEST_CASE("folders that do not fit are refused on one line") {
+  const TemporaryFolder folder;
+  CHECK(contains(refusal(folder, RBRES_CONTACTS, "set"), "set/train/world.json: cannot read"));
+  write_trajectories(folder / "set/train", throws(10, 8, 1));
+  CHECK(contains(refusal(folder, RBRES_CONTACTS, "set"), "set/test"));
+  CHECK(contains(refusal(folder, RBRES_CONTACTS, "set --scenes 11"),
+                 "expected some within 10, found 11 from 0"));
+  write_trajectories(folder / "set/test", throws(2, 8, 2, 0.02));
+  // The test set is opened after training, which has said how far it is.
+  const Outcome other = run(folder, RBRES_CONTACTS, "set");
+  CHECK(other.status == 2);
+  CHECK(other.out == "");
+  CHECK(contains(other.err,
+                 "\nrbres_contacts: set/test, frame time: expected 0.01 s, as in train, found 0.02\n"));
+  write_trajectories(folder / "short/train", throws(10, 4, 1));
+  CHECK(contains(refusal(folder, RBRES_CONTACTS, "short"), "expected scenes of at least 6 frames"));
+}
