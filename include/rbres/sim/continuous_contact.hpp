@@ -8,6 +8,7 @@
 #include <rbres/dynamics/free_flight.hpp>
 #include <rbres/sim/discrete_contact.hpp>
 #include <rbres/sim/options.hpp>
+#include <rbres/sim/resting_work.hpp>
 #include <utility>
 
 namespace rbres {
@@ -90,8 +91,7 @@ class ContinuousContact {
       const auto flown = [&](const S& time) {
         const auto push = [&](const RigidState<S>& state, int i, const S& at, const Wrench<S>& wrench) {
           const RestingForce& c = contact[index(i)];
-          const Vec3<S> torque =
-              c.torque + (at - now) * c.drift + cross(y[i].position - state.position, c.paired);
+          const Vec3<S> torque = c.torque_at(S(at - now), state.position - y[i].position);
           return wrench + Wrench<S>{c.force, rotate_back(state.orientation, torque)};
         };
         return resting ? fly(*system_, forces, integrator, y, now, time, push)
@@ -111,7 +111,11 @@ class ContinuousContact {
         part = impact;
         end = flown(part);
       }
-      if (resting) settle(end, pull);
+      if (resting) {
+        const State flown_to = end;
+        settle(end, pull);
+        bound_energy(y, flown_to, contact, part, end);
+      }
       y = chosen(running, end, y);
       left = select(running, S(left - part), left);
       now = now + part;
@@ -128,15 +132,7 @@ class ContinuousContact {
   }
 
  private:
-  /// What resting contacts do to a body over a part, world frame. Where two bodies touch moves with the
-  /// lighter one, at one velocity for both, so that angular momentum is kept while they slide past one
-  /// another.
-  struct RestingForce {
-    Vec3<S> force;   ///< N
-    Vec3<S> torque;  ///< about the centre of mass where the part begins, N m
-    Vec3<S> paired;  ///< the share of the force that other bodies exert, N
-    Vec3<S> drift;   ///< of that share's torque about that place, as the contacts move, N m/s
-  };
+  using RestingForce = detail::RestingForce<S>;
 
   static std::size_t most_pairs(const System& system) { return N * (N - 1) / 2 + N * system.planes().size(); }
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
@@ -314,13 +310,18 @@ class ContinuousContact {
         if (row.plane()) return;
         const auto first = index(row.who.first), second = index(row.who.second);
         const S &a = motion[first].inverse_mass, &b = motion[second].inverse_mass;
-        const Vec3<S> along =
-            (S(1) / (a + b)) * (a * y[row.who.first].velocity + b * y[row.who.second].velocity);
-        const Vec3<S> drift = cross(along, force);
+        const auto along = [&](const Vec3<S>& v, const Vec3<S>& w) {
+          return (S(1) / (a + b)) * (a * v + b * w);
+        };
+        const Vec3<S> from = along(y[row.who.first].velocity, y[row.who.second].velocity);
+        const Vec3<S> to = along(motion[first].velocity, motion[second].velocity);
+        const Vec3<S> drift = cross(from, force), bend = as<S>(0.5) * rate * cross(to - from, force);
         contact[second].paired += force;
         contact[second].drift += drift;
+        contact[second].bend += bend;
         contact[first].paired -= force;
         contact[first].drift -= drift;
+        contact[first].bend -= bend;
       });
     }
     memory_.finish(open);
@@ -355,6 +356,27 @@ class ContinuousContact {
     for (int i = 0; i < N; ++i) detail::set_velocities_where(rests_[index(i)], end[i], motion[index(i)]);
   }
 
+  /// Resting contacts do no work but that of friction, which is never positive: what their forces did too
+  /// much from y to `flown`, and the impulses from there to `end`, is taken out of the islands' motion again.
+  void bound_energy(const State& y, const State& flown, const std::array<RestingForce, N>& contact,
+                    const S& part, State& end) {
+    for (std::size_t island = 0; island < islands_.count(); ++island) {
+      energy_.start();
+      for (const std::size_t k : islands_[island]) {
+        const Pair& pair = pairs_[k];
+        energy_.add(pair.who, pair.manifold.normal, pair.surface.friction, pair.any_resting);
+      }
+      S excess(0);
+      for (const int i : energy_.bodies()) {
+        const auto& body = (*system_)[i];
+        const S gained = contact[index(i)].work(y[i], flown[i], part) + kinetic_energy(body, end[i]) -
+                         kinetic_energy(body, flown[i]);
+        excess += select(rests_[index(i)], gained, S(0));
+      }
+      energy_.remove(*system_, end, excess, rests_);
+    }
+  }
+
   /// When the first pair touches that does not rest.
   S earliest_impact(const State& start, const State& end, const S& part, MaskOf<S>& lost) {
     Motions motion;
@@ -376,6 +398,7 @@ class ContinuousContact {
   detail::Islands<N> islands_;
   detail::ContactRows<System> rows_;
   detail::ContactMemory<System> memory_;
+  detail::IslandEnergy<System> energy_;
   detail::DiscreteContact<System> discrete_;  ///< for steps past their event cap
   detail::Reserved<Pair> pairs_;
   std::array<S, N> way_, pushed_;   ///< m, for which pairs were sought; that contact forces ask for

@@ -1,0 +1,145 @@
+#pragma once
+
+#include <rbres/body/mechanics.hpp>
+#include <rbres/contact/contact_pair.hpp>
+#include <rbres/core/lie.hpp>
+#include <rbres/core/reserved.hpp>
+
+namespace rbres::detail {
+
+/// What resting contacts do to a body over a part of a step, world frame. Where two bodies touch moves with
+/// the lighter one, on one path for both, so that angular momentum is kept while they slide past one another.
+template <class S>
+struct RestingForce {
+  Vec3<S> force;   ///< N
+  Vec3<S> torque;  ///< about the centre of mass where the part begins, N m
+  Vec3<S> paired;  ///< the share of the force that other bodies exert, N
+  Vec3<S> drift;   ///< of that share's torque about that place, as the contacts move, N m/s
+  Vec3<S> bend;    ///< half of the drift's own rate, N m/s^2
+
+  /// About the centre of mass, a time (s) after the part began, when it has moved by `way` (m); N m.
+  Vec3<S> torque_at(const S& time, const Vec3<S>& way) const {
+    return torque + time * (drift + time * bend) - cross(way, paired);
+  }
+  /// The work that it does (J) on a body that goes from one state to another in `time` (s), to the fifth
+  /// order in the time: Simpson's rule, with the integral of the angular velocity from the turn itself
+  /// (Magnus's expansion; Iserles, Munthe-Kaas, Norsett, Zanna 2000, section 4).
+  S work(const RigidState<S>& from, const RigidState<S>& to, const S& time) const {
+    const Vec3<S> way = to.position - from.position;
+    const Vec3<S> halfway = as<S>(0.5) * way + S(as<S>(0.125) * time) * (from.velocity - to.velocity);
+    const Vec3<S> w0 = from.angular_velocity_world(), w1 = to.angular_velocity_world();
+    const Vec3<S> turn = quaternion_log(to.orientation * from.orientation.conjugate()) +
+                         S(time * time / as<S>(12)) * cross(w0, w1);
+    const Vec3<S> middle = torque_at(S(as<S>(0.5) * time), halfway);
+    return dot(force, way) + dot(middle, turn) +
+           time / as<S>(6) * (dot(torque - middle, w0) + dot(torque_at(time, way) - middle, w1));
+  }
+};
+
+/// Contact forces that are constant over a part are of second order: they may do work that contacts cannot
+/// do. This takes such energy out of the motion of an island again.
+template <class System>
+class IslandEnergy {
+  using S = typename System::Scalar;
+  using State = typename System::State;
+  static constexpr int N = System::bodies;
+
+ public:
+  IslandEnergy() { bodies_.reserve(N); }
+
+  /// Begins an island.
+  void start() {
+    bodies_.clear();
+    listed_.fill(false);
+    mobile_ = {{S(1), S(0), S(0)}, {S(0), S(1), S(0)}, {S(0), S(0), S(1)}};
+    axis_ = {};
+    planes_ = S(0);
+  }
+  /// A pair of the island: its bodies, and in the lanes `where` what a plane (first body negative) keeps them
+  /// from: with friction from all motion, without from motion along the normal.
+  void add(const Candidate& who, const Vec3<S>& normal, const S& friction, const MaskOf<S>& where) {
+    for (const int body : {who.first, who.second}) {
+      if (body < 0 || listed_[std::size_t(body)]) continue;
+      listed_[std::size_t(body)] = true;
+      bodies_.push_back(body);
+    }
+    if (who.first >= 0) return;
+    const Vec3<S> n = mobile_ * normal;
+    const S length = squared_norm(n);
+    const MaskOf<S> other = where & (length > as<S>(1e-6));
+    const S weight = S(1) / select(other, length, S(1));
+    const auto without = [&](Vec3<S>& column, const S& along) {
+      const Vec3<S> left = column - S(weight * along) * n;
+      column = select(where & (friction > S(0)), Vec3<S>{}, select(other, left, column));
+    };
+    without(mobile_.x, n.x);
+    without(mobile_.y, n.y);
+    without(mobile_.z, n.z);
+    axis_ = select(other, select(planes_ > S(0), Vec3<S>{}, normal), axis_);
+    axis_ = select(where & (friction > S(0)), Vec3<S>{}, axis_);
+    planes_ = select(other, S(planes_ + S(1)), planes_);
+    planes_ = select(where & (friction > S(0)), S(2), planes_);
+  }
+
+  std::span<const int> bodies() const { return {bodies_.data(), bodies_.size()}; }
+
+  /// Takes `excess` (J) where it is positive: the island's motion is one that its contacts never resist (a
+  /// rigid one, along the planes that it lies on), which carries the momentum that they conserve, and a
+  /// remainder without any, which shrinks. `moves`: the lanes in which a body belongs to it.
+  void remove(const System& system, State& y, const S& excess, const std::array<MaskOf<S>, N>& moves) const {
+    S mass(0);
+    Vec3<S> momentum, centre;
+    for (const int i : bodies_) {
+      const S m = select(moves[std::size_t(i)], system[i].mass(), S(0));
+      mass += m;
+      momentum += m * y[i].velocity;
+      centre += m * y[i].position;
+    }
+    const S over = S(1) / select(mass > S(0), mass, S(1));
+    centre = over * centre;
+    const Vec3<S> velocity = mobile_ * (over * momentum);
+    Vec3<S> spin, xs, ys, zs;  // about the centre: angular momentum, and the columns of the inertia
+    for (const int i : bodies_) {
+      const S here = select(moves[std::size_t(i)], S(1), S(0)), m = here * system[i].mass();
+      const Mat3<S> axes = rotation_matrix(y[i].orientation);
+      const Mat3<S> inertia = rotated_diagonal(axes, system[i].inertia());
+      const Vec3<S> r = y[i].position - centre;
+      spin += m * cross(r, y[i].velocity) + here * (axes * scale(system[i].inertia(), y[i].angular_velocity));
+      const S r2 = squared_norm(r);
+      xs += here * inertia.x + m * (Vec3<S>{r2, S(0), S(0)} - r.x * r);
+      ys += here * inertia.y + m * (Vec3<S>{S(0), r2, S(0)} - r.y * r);
+      zs += here * inertia.z + m * (Vec3<S>{S(0), S(0), r2} - r.z * r);
+    }
+    const Mat3<S> inertia{xs, ys, zs};
+    const MaskOf<S> free = (planes_ < S(1)) & (mass > S(0));
+    const S about = dot(axis_, inertia * axis_);
+    const Vec3<S> turn = select(free, symmetric_inverse(inertia) * spin,
+                                S(dot(axis_, spin) / select(about > S(0), about, S(1))) * axis_);
+    S remainder(0);
+    for (const int i : bodies_) {
+      const Vec3<S> u = y[i].velocity - velocity - cross(turn, y[i].position - centre);
+      const Vec3<S> w = y[i].angular_velocity - rotate_back(y[i].orientation, turn);
+      const S energy =
+          as<S>(0.5) * (system[i].mass() * squared_norm(u) + dot(w, scale(system[i].inertia(), w)));
+      remainder += select(moves[std::size_t(i)], energy, S(0));
+    }
+    const MaskOf<S> some = (excess > S(0)) & (remainder > S(0));
+    const S share = S(1) - root(maximum(S(S(1) - excess / select(some, remainder, S(1))), S(0)));
+    for (const int i : bodies_) {
+      const Vec3<S> u = y[i].velocity - velocity - cross(turn, y[i].position - centre);
+      const Vec3<S> w = y[i].angular_velocity - rotate_back(y[i].orientation, turn);
+      const S here = select(some & moves[std::size_t(i)], share, S(0));
+      y[i].velocity -= here * u;
+      y[i].angular_velocity -= here * w;
+    }
+  }
+
+ private:
+  Reserved<int> bodies_;
+  std::array<bool, N> listed_;
+  Mat3<S> mobile_;  ///< projects on the velocities that no plane of the island resists
+  Vec3<S> axis_;    ///< about which one plane lets it turn
+  S planes_;        ///< 0, 1, or 2 for more
+};
+
+}  // namespace rbres::detail
