@@ -250,6 +250,12 @@ class ContinuousContact {
     }
   }
 
+  /// The least speed (m/s) at which a resting point is to leave: gaps close slowly, overlaps open slower than
+  /// what rests may move.
+  S closing(const Pair& pair, std::size_t i, const S& pull) const {
+    return minimum(S(-pull * pair.manifold.gap[i]), S(as<S>(0.5 * options_.rest_speed) * pair.speed_scale));
+  }
+
   /// Slow approaches of resting points end at once, without bounce. Returns where there were any.
   MaskOf<S> stop_approaches(State& y, Motions& motion, const S& pull) {
     MaskOf<S> stopped(false);
@@ -266,7 +272,7 @@ class ContinuousContact {
       if (!any(slow)) continue;
       stopped = stopped | slow;
       take_up(island, motion,
-              [&](const Pair& pair, std::size_t i) { return S(-pull * pair.manifold.gap[i]); });
+              [&](const Pair& pair, std::size_t i) { return minimum(closing(pair, i, pull), S(0)); });
       rows_.solve(motion, slow);
     }
     if (!any(stopped)) return stopped;
@@ -294,9 +300,8 @@ class ContinuousContact {
     std::array<RestingForce, N> contact{};
     memory_.start();
     for (std::size_t island = 0; island < islands_.count(); ++island) {
-      take_up(island, motion, [&](const Pair& pair, std::size_t i) {
-        return S(-pull * pair.manifold.gap[i] - pair.speed[i]);
-      });
+      take_up(island, motion,
+              [&](const Pair& pair, std::size_t i) { return S(closing(pair, i, pull) - pair.speed[i]); });
       rows_.each(motion, [&](auto& row, auto& point, auto& first, auto& second) {
         std::array<S, 3> impulse = memory_.force(row);
         for (S& p : impulse) p = select(row.active, S(left * p), S(0));
@@ -349,8 +354,7 @@ class ContinuousContact {
           pair.resting[i] = pair.any_resting & near;
         }
       }
-      take_up(island, motion,
-              [&](const Pair& pair, std::size_t i) { return S(-pull * pair.manifold.gap[i]); });
+      take_up(island, motion, [&](const Pair& pair, std::size_t i) { return closing(pair, i, pull); });
       rows_.solve(motion, MaskOf<S>(true));
     }
     for (int i = 0; i < N; ++i) detail::set_velocities_where(rests_[index(i)], end[i], motion[index(i)]);
