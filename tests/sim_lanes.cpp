@@ -102,7 +102,7 @@ TEST_CASE("a discrete impact changes velocities in its own lane only, to the bit
   y[1].velocity.z = P(-1);
   const auto before = y;
   ContactTally<P> tally;
-  detail::DiscreteContact(system).resolve(before, y, P(5e-3), tally);
+  detail::DiscreteContact(system).resolve(before, y, P(1e-3), P(5e-3), tally);
   CHECK(tally.impacts[0] == 1);
   CHECK(tally.impacts[1] == 0);
   CHECK(lane(y, 0)[1].velocity.z > 0);

@@ -25,8 +25,11 @@ GridFigures grid(const Cases& cases) {
     std::array<States, lanes> starts;
     for (auto& start : starts) start = cell_start(system, cell, r);
     const double step = cell_step(system, cell, r);
-    const auto where = cell.text();
-    for (const Balance& b : follow<S>(system, starts, {}, step, std::lround(1.5 / step), cell.mode)) {
+    // Every other fall into a corner is one: then bodies come to rest.
+    const double pull = cell.plane && r.below(2) == 1 ? 3 * system[cell.index].bounding_radius() : 0;
+    const Vector gravity = pull > 0 ? -pull * system.planes()[0].normal : Vector{};
+    const auto where = cell.text() + (pull > 0 ? ", gravity" : "");
+    for (const Balance& b : follow<S>(system, starts, gravity, step, std::lround(1.5 / step), cell.mode)) {
       (cell.plane ? worst.impact_plane : worst.impact_pair)(b.impact_rise, i, where);
       const bool rests = cell.restitution == 0;
       (rests ? worst.run_resting : cell.plane ? worst.run_plane : worst.run_pair)(b.rise, i, where);

@@ -161,8 +161,10 @@ States cell_start(const World<Shape>& system, const Cell& cell, Random& r) {
   const int a = cell.index, b = cell.partner();
   const double ra = system[a].bounding_radius(), rb = system[b].bounding_radius();
   const Vector away = cell.plane ? system.planes()[0].normal + system.planes()[1].normal : any_direction(r);
+  double size = 0;
+  for (int i = 0; i < bodies; ++i) size = std::max(size, system[i].bounding_radius());
   for (int i = 0; i < bodies; ++i) {
-    y[i].position = (100.0 * (i + 1)) * away;
+    y[i].position = (20 * size * (i + 1)) * away;
     y[i].orientation = any_orientation(r);
   }
   y[a].angular_velocity = normal_vector(r, r.uniform(0, 3));

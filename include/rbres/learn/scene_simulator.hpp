@@ -93,7 +93,7 @@ class SceneSimulator {
       } else {
         fly_on(system_, forces_, Rk4{}, state, 0.0, h_);
       }
-      contacts_.resolve(before_, state, SimulationOptions{}.rest_speed, tally_);
+      contacts_.resolve(before_, state, h_, SimulationOptions{}.rest_speed, tally_);
     }
   }
 

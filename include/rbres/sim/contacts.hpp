@@ -32,7 +32,7 @@ struct AnalyticContacts {
       } else {
         const State before = y;
         fly_on(*system_, forces, integrator, y, t, h);
-        discrete_.resolve(before, y, as<S>(options_.rest_speed), tally);
+        discrete_.resolve(before, y, h, as<S>(options_.rest_speed), tally);
       }
     }
 

@@ -125,7 +125,7 @@ class ContinuousContact {
     tally.overruns += over | unresolved;
     if (any(over)) {
       State end = fly(*system_, forces, integrator, y, now, left);
-      discrete_.resolve(y, end, as<S>(options_.rest_speed), tally);
+      discrete_.resolve(y, end, left, as<S>(options_.rest_speed), tally);
       y = chosen(over, end, y);
     }
     last_ = y;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <rbres/body/mechanics.hpp>
 #include <rbres/contact/contact_pair.hpp>
 #include <rbres/core/reserved.hpp>
 
@@ -26,10 +27,11 @@ void set_velocities_where(const MaskOf<S>& changed, RigidState<S>& state, const 
 
 /// Gives a pair back the angular momentum that it lost when its second body was moved by `shift` relative to
 /// the first, where `moved`: its motion is a rigid turn, which carries the angular momentum, and a remainder
-/// without any. The turn is set right, and the remainder shrinks where kinetic energy would rise. The total
-/// momentum stays. `a` and `b` have their new positions.
+/// without any. The turn is set right, and the remainder shrinks where kinetic energy would rise above what
+/// it was less `excess` (J). The total momentum stays. `a` and `b` have their new positions.
 template <class S>
-void restore_angular_momentum(const Vec3<S>& shift, const MaskOf<S>& moved, Motion<S>& a, Motion<S>& b) {
+void restore_angular_momentum(const Vec3<S>& shift, const MaskOf<S>& moved, const S& excess, Motion<S>& a,
+                              Motion<S>& b) {
   const S share = a.inverse_mass / (a.inverse_mass + b.inverse_mass);
   const S mass = S(1) / (a.inverse_mass + b.inverse_mass);  // reduced
   const Vec3<S> r = b.position - a.position, v = b.velocity - a.velocity;
@@ -46,7 +48,7 @@ void restore_angular_momentum(const Vec3<S>& shift, const MaskOf<S>& moved, Moti
   const Vec3<S> turn = inverse * before, turned = inverse * after;
   const S energy = mass * squared_norm(v) + dot(a.angular_velocity, ia * a.angular_velocity) +
                    dot(b.angular_velocity, ib * b.angular_velocity);
-  const S remainder = energy - dot(after, turned), allowed = energy - dot(before, turn);
+  const S remainder = energy - dot(after, turned), allowed = energy - dot(before, turn) - S(2) * excess;
   const MaskOf<S> shrinks = remainder > allowed;
   const S factor = select(shrinks, root(maximum(S(allowed / select(shrinks, remainder, S(1))), S(0))), S(1));
   const Vec3<S> change = cross(turn, r) + factor * (v - cross(turned, r)) - v;
@@ -59,12 +61,36 @@ void restore_angular_momentum(const Vec3<S>& shift, const MaskOf<S>& moved, Moti
   }
 }
 
+/// Moves a body out of a plane along its normal by `depth` (m), which costs `cost` (J) against the forces on
+/// it. What an impact has not spent of the energy `before` (J) it pays from its motion along the normal, then
+/// from its rotation; where that is too little it moves less far.
+template <class S, class Shape>
+void push_out(const Body<S, Shape>& body, const Vec3<S>& normal, const S& depth, const S& cost,
+              const S& before, RigidState<S>& state) {
+  const S now = kinetic_energy(body, state), along = dot(normal, state.velocity);
+  const S linear = as<S>(0.5) * body.mass() * square(along);
+  const S spin = as<S>(0.5) * dot(state.angular_velocity, scale(body.inertia(), state.angular_velocity));
+  const S most = maximum(S(before - now), S(0)) + linear + spin;
+  const S share = select(cost > most, S(most / select(cost > most, cost, S(1))), S(1));
+  state.position += (share * depth) * normal;
+  const S excess = clamp(S(now + share * cost - before), S(0), S(linear + spin));
+  const auto slower = [](const S& energy, const S& less) {
+    const MaskOf<S> some = energy > S(0);
+    return root(maximum(S(S(1) - less / select(some, energy, S(1))), S(0)));
+  };
+  const S taken = minimum(excess, linear);
+  state.velocity -= ((S(1) - slower(linear, taken)) * along) * normal;
+  state.angular_velocity = slower(spin, S(excess - taken)) * state.angular_velocity;
+}
+
 /// One pair at the end of a step, in the lanes `where`: impulse where it overlaps and approaches, and the
 /// overlap taken away along the normal, shared by inverse mass. What the step's forces alone can have given
-/// in two steps is rest, not approach.
+/// in two steps is rest, not approach. `gained`: the velocities that the forces gave in the step (m/s), which
+/// was `h` long: what the move costs against them is taken out of the motion.
 template <class System>
-void meet(const System& system, const typename System::State& before, typename System::State& y, int first,
-          int second, const typename System::Scalar& rest, const MaskOf<typename System::Scalar>& where,
+void meet(const System& system, const Reserved<Vec3<typename System::Scalar>>& gained,
+          const typename System::Scalar& h, typename System::State& y, int first, int second,
+          const typename System::Scalar& rest, const MaskOf<typename System::Scalar>& where,
           ContactTally<typename System::Scalar>& tally) {
   using S = typename System::Scalar;
   with_manifold(system, y, first, second, [&](auto manifold, auto is_plane) {
@@ -90,10 +116,13 @@ void meet(const System& system, const typename System::State& before, typename S
         return motion_of(system[first], y[first]);
       }
     }();
-    Vec3<S> change = y[second].velocity - before[second].velocity;
+    const auto gain = [&](int i) -> const Vec3<S>& { return gained[static_cast<std::size_t>(i)]; };
+    Vec3<S> change = gain(second);
+    S energy = kinetic_energy(system[second], y[second]);
     S share(0), size = system[second].bounding_radius();
     if constexpr (!fixed) {
-      change -= y[first].velocity - before[first].velocity;
+      change -= gain(first);
+      energy += kinetic_energy(system[first], y[first]);
       share = a.inverse_mass / (a.inverse_mass + b.inverse_mass);
       size = minimum(size, system[first].bounding_radius());
     }
@@ -103,31 +132,41 @@ void meet(const System& system, const typename System::State& before, typename S
                                                 maximum(rest_speed, fallen), S(0), a, b);
     tally.impacts += hit;
     const Vec3<S> shift = select(overlaps, depth, S(0)) * manifold.normal;
-    y[second].position += (S(1) - share) * shift;
-    MaskOf<S> changed = hit;
-    if constexpr (!fixed) {
+    set_velocities_where(hit, y[second], b);
+    const S rate = S(1) / select(h > S(0), h, S(1));
+    S cost = (S(1) - share) * system[second].mass() * dot(gain(second), shift);
+    if constexpr (fixed) {
+      push_out(system[second], manifold.normal, select(overlaps, depth, S(0)), S(-rate * cost), energy,
+               y[second]);
+    } else {
+      set_velocities_where(hit, y[first], a);
+      cost -= share * system[first].mass() * dot(gain(first), shift);
+      const S excess = kinetic_energy(system[first], y[first]) + kinetic_energy(system[second], y[second]) -
+                       energy - rate * cost;
       y[first].position -= share * shift;
+      y[second].position += (S(1) - share) * shift;
       a.position = y[first].position;
       b.position = y[second].position;
-      restore_angular_momentum(shift, overlaps, a, b);
-      changed = hit | overlaps;
-      set_velocities_where(changed, y[first], a);
+      restore_angular_momentum(shift, overlaps, maximum(excess, S(0)), a, b);
+      set_velocities_where(overlaps, y[first], a);
+      set_velocities_where(overlaps, y[second], b);
     }
-    set_velocities_where(changed, y[second], b);
   });
 }
 /// The same in one piece, which is faster: not for dual numbers, with which g++ 12 fails on it.
 template <class System>
-[[gnu::noinline, gnu::flatten]] void meet_flat(const System& system, const typename System::State& before,
-                                               typename System::State& y, int first, int second,
-                                               const typename System::Scalar& rest,
+[[gnu::noinline, gnu::flatten]] void meet_flat(const System& system,
+                                               const Reserved<Vec3<typename System::Scalar>>& gained,
+                                               const typename System::Scalar& h, typename System::State& y,
+                                               int first, int second, const typename System::Scalar& rest,
                                                const MaskOf<typename System::Scalar>& where,
                                                ContactTally<typename System::Scalar>& tally) {
-  meet(system, before, y, first, second, rest, where, tally);
+  meet(system, gained, h, y, first, second, rest, where, tally);
 }
 
-/// All contacts at the end of a step from `before` to y, each pair once. Pairs that share a body are taken
-/// deepest first, lane by lane, so that no numbering of bodies and no neighbour in another lane matters.
+/// All contacts at the end of a step of h (s) from `before` to y, each pair once. Pairs that share a body are
+/// taken deepest first, lane by lane, so that no numbering of bodies and no neighbour in another lane
+/// matters.
 template <class System>
 class DiscreteContact {
   using S = typename System::Scalar;
@@ -138,15 +177,19 @@ class DiscreteContact {
     const auto n = static_cast<std::size_t>(bodies_of(system));
     pairs_.reserve(n * (n - 1) / 2 + n * system.planes().size());
     used_.reserve(n);
+    gained_.reserve(n);
   }
 
-  void resolve(const State& before, State& y, const S& rest_speed, ContactTally<S>& tally) {
+  void resolve(const State& before, State& y, const S& h, const S& rest_speed, ContactTally<S>& tally) {
     find_pairs(y);
+    if (pairs_.empty()) return;
+    gained_.clear();
+    for (int i = 0; i < bodies_of(*system_); ++i) gained_.push_back(y[i].velocity - before[i].velocity);
     const auto meet_pair = [&](const Pair& pair, const MaskOf<S>& where) {
       if constexpr (std::is_floating_point_v<typename ScalarTraits<S>::Value>) {
-        meet_flat(*system_, before, y, pair.first, pair.second, rest_speed, where, tally);
+        meet_flat(*system_, gained_, h, y, pair.first, pair.second, rest_speed, where, tally);
       } else {
-        meet(*system_, before, y, pair.first, pair.second, rest_speed, where, tally);
+        meet(*system_, gained_, h, y, pair.first, pair.second, rest_speed, where, tally);
       }
     };
     if (!any(shared_)) {
@@ -223,6 +266,7 @@ class DiscreteContact {
 
   const System* system_;
   Reserved<Pair> pairs_;
+  Reserved<Vec3<S>> gained_;  ///< velocities that the step's forces gave, m/s
   Reserved<Used> used_;
   MaskOf<S> shared_{false};
 };
