@@ -145,7 +145,7 @@ class PairImpact {
     for (int k = 0; k < sweeps && any(working); ++k) {
       S worst(0);
       // Points that chase one another with their friction agree sooner when they go slower.
-      const S rate = as<S>(k < calm ? 1.0 : k < 3 * calm ? 0.5 : 0.15);
+      const S rate = as<S>(k < calm ? 1.0 : k < 4 * calm ? 0.5 : 0.15);
       each([&](ImpactPoint<S>& row, auto& point, auto& first, auto& second) {
         const MaskOf<S> active = row.active & working;
         worst = maximum(worst, friction ? point.relax(row.target, friction_, active, first, second, rate)

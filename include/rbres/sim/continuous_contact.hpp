@@ -149,10 +149,10 @@ class ContinuousContact {
   /// A state that did not come out of the last step owes nothing to it.
   void continue_from(const State& y) {
     MaskOf<S> same(true);
-    for (int i = 0; i < N; ++i) {
-      const MaskOf<S> x = y[i].position.x == last_[i].position.x, z = y[i].position.z == last_[i].position.z,
-                      v = y[i].velocity.x == last_[i].velocity.x;
-      same = same & x & z & v;
+    const S *now = &y[0].position.x, *then = &last_[0].position.x;
+    for (int k = 0; k < State::size; ++k) {
+      const MaskOf<S> equal = now[k] == then[k];
+      same = same & equal;
     }
     if (!all(same)) memory_.forget_unless(same);
   }
@@ -365,20 +365,47 @@ class ContinuousContact {
   void bound_energy(const State& y, const State& flown, const std::array<RestingForce, N>& contact,
                     const S& part, State& end) {
     for (std::size_t island = 0; island < islands_.count(); ++island) {
-      energy_.start();
-      for (const std::size_t k : islands_[island]) {
-        const Pair& pair = pairs_[k];
-        energy_.add(pair.who, pair.manifold.normal, pair.surface.friction, pair.any_resting);
+      if constexpr (!Packed<S>) {
+        bound_energy(islands_[island], rests_, y, flown, contact, part, end);
+      } else {  // one group of pairs, in which each lane has islands of its own: the smallest body names them
+        std::array<S, N> name;
+        for (int i = 0; i < N; ++i) name[index(i)] = as<S>(double(i));
+        for (int round = 1; round < N; ++round) {
+          for (const std::size_t k : islands_[island]) {
+            const Pair& pair = pairs_[k];
+            if (pair.plane()) continue;
+            S &a = name[index(pair.who.first)], &b = name[index(pair.who.second)];
+            const S least = minimum(a, b);
+            a = select(pair.any_resting, least, a);
+            b = select(pair.any_resting, least, b);
+          }
+        }
+        for (int i = 0; i < N; ++i) {
+          std::array<MaskOf<S>, N> members;
+          for (int j = 0; j < N; ++j)
+            members[index(j)] = rests_[index(j)] & (name[index(j)] == as<S>(double(i)));
+          bound_energy(islands_[island], members, y, flown, contact, part, end);
+        }
       }
-      S excess(0);
-      for (const int i : energy_.bodies()) {
-        const auto& body = (*system_)[i];
-        const S gained = contact[index(i)].work(y[i], flown[i], part) + kinetic_energy(body, end[i]) -
-                         kinetic_energy(body, flown[i]);
-        excess += select(rests_[index(i)], gained, S(0));
-      }
-      energy_.remove(*system_, end, excess, rests_);
     }
+  }
+  void bound_energy(std::span<const std::size_t> island, const std::array<MaskOf<S>, N>& members,
+                    const State& y, const State& flown, const std::array<RestingForce, N>& contact,
+                    const S& part, State& end) {
+    energy_.start();
+    for (const std::size_t k : island) {
+      const Pair& pair = pairs_[k];
+      energy_.add(pair.who, pair.manifold.normal, pair.surface.friction,
+                  pair.any_resting & members[index(pair.who.second)]);
+    }
+    S excess(0);
+    for (const int i : energy_.bodies()) {
+      const auto& body = (*system_)[i];
+      const S gained = contact[index(i)].work(y[i], flown[i], part) + kinetic_energy(body, end[i]) -
+                       kinetic_energy(body, flown[i]);
+      excess += select(members[index(i)], gained, S(0));
+    }
+    energy_.remove(*system_, end, excess, members);
   }
 
   /// When the first pair touches that does not rest.

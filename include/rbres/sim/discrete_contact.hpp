@@ -63,20 +63,20 @@ void restore_angular_momentum(const Vec3<S>& shift, const MaskOf<S>& moved, cons
 
 /// Moves a body out of a plane along its normal by `depth` (m), which costs `cost` (J) against the forces on
 /// it. What an impact has not spent of the energy `before` (J) it pays from its motion along the normal, then
-/// from its rotation; where that is too little it moves less far.
+/// from its rotation, up to half of each; where that is too little it moves less far.
 template <class S, class Shape>
 void push_out(const Body<S, Shape>& body, const Vec3<S>& normal, const S& depth, const S& cost,
               const S& before, RigidState<S>& state) {
   const S now = kinetic_energy(body, state), along = dot(normal, state.velocity);
-  const S linear = as<S>(0.5) * body.mass() * square(along);
-  const S spin = as<S>(0.5) * dot(state.angular_velocity, scale(body.inertia(), state.angular_velocity));
+  const S linear = as<S>(0.25) * body.mass() * square(along);
+  const S spin = as<S>(0.25) * dot(state.angular_velocity, scale(body.inertia(), state.angular_velocity));
   const S most = maximum(S(before - now), S(0)) + linear + spin;
   const S share = select(cost > most, S(most / select(cost > most, cost, S(1))), S(1));
   state.position += (share * depth) * normal;
   const S excess = clamp(S(now + share * cost - before), S(0), S(linear + spin));
   const auto slower = [](const S& energy, const S& less) {
     const MaskOf<S> some = energy > S(0);
-    return root(maximum(S(S(1) - less / select(some, energy, S(1))), S(0)));
+    return root(S(S(1) - S(0.5) * less / select(some, energy, S(1))));
   };
   const S taken = minimum(excess, linear);
   state.velocity -= ((S(1) - slower(linear, taken)) * along) * normal;
