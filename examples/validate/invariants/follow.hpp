@@ -108,9 +108,10 @@ class Watch {
     spent_.energy += std::max(free_.energy, free.energy);
     spent_.turn += std::max(free_.turn, free.turn);
     free_ = free;
-    least_ = std::min(least_, now.energy - start_.energy - spent_.energy);
+    const double gained = now.energy - start_.energy - spent_.energy;
+    least_ = std::min(least_, gained + sunk(y));
     const auto worst = [](double& value, double next) { value = next <= value ? value : next; };
-    worst(balance.rise, (now.energy - start_.energy - spent_.energy - least_) / energy_scale_);
+    worst(balance.rise, (gained - least_) / energy_scale_);
     worst(balance.linear, norm(now.linear - start_.linear) / linear_scale_);
     worst(balance.linear_along, std::abs(dot(now.linear - start_.linear, edge_)) / linear_scale_);
     worst(balance.angular, (norm(now.angular - start_.angular) - spent_.turn) / angular_scale_);
@@ -136,6 +137,17 @@ class Watch {
     change.energy = std::abs(b.energy - a.energy);
     change.turn = norm(b.angular - a.angular);
     return change;
+  }
+
+  /// What gravity gave to bodies that overlap planes, and takes back when they are pushed out.
+  double sunk(const States& y) const {
+    double sum = 0;
+    for (std::size_t p = 0; p < system_.planes().size(); ++p) {
+      const double pull = -dot(gravity_, system_.planes()[p].normal);
+      for (int i = 0; i < bodies; ++i)
+        sum += std::max(0.0, -pull * system_[i].mass() * separation(system_, y, -1 - static_cast<int>(p), i));
+    }
+    return sum;
   }
 
   const World<Shape>& system_;

@@ -41,12 +41,13 @@ LaneFigures lanes(const Cases& cases) {
       Runner<T, Shape> alone(crowd.system, crowd.gravity, crowd.step, cell.mode);
       alone.start(0, starts[l]);
       alone.advance(crowd.steps);
-      (cell.restitution == 0 ? worst.resting : worst.difference)(
-          apart(crowd, alone.state(0), together->state(l)), i, cell.text());
+      const bool rests = cell.restitution == 0;
       const auto where = detail::text(cell.text(), ", lane ", l);
+      (rests ? worst.resting : worst.difference)(apart(crowd, alone.state(0), together->state(l)), i, where);
       if (faulty->finite(l) == (static_cast<int>(l) == bad)) worst.unreported(++wrong, i, where);
       if (static_cast<int>(l) != bad)
-        worst.neighbours(apart(crowd, faulty->state(l), together->state(l)), i, where);
+        (rests ? worst.resting : worst.neighbours)(apart(crowd, faulty->state(l), together->state(l)), i,
+                                                   where);
     }
   });
   return worst;
