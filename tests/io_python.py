@@ -27,7 +27,7 @@ def check_npy(folder):
     source, target = folder / "source.npy", folder / "target.npy"
     random = np.random.default_rng(1)
     for dtype in ("float32", "float64", "int32", "int64", "uint8"):
-        for shape in ((7,), (5, 3), (4, 3, 2), (0, 3), (3, 0), (1, 1)):
+        for shape in ((7,), (5, 3), (4, 3, 2), (2, 4, 3, 2), (0, 3), (3, 0), (1, 1)):
             for version in ((1, 0), (2, 0), (3, 0)):
                 array = (100 * random.random(shape)).astype(dtype)
                 with open(source, "wb") as file:
@@ -38,7 +38,7 @@ def check_npy(folder):
                 assert back.dtype == array.dtype and back.shape == array.shape
                 assert np.array_equal(back, array), (dtype, shape)
     for array in (np.asfortranarray(random.random((3, 2))), random.random((3, 2)).astype(">f8"),
-                  random.random((3, 2)) > 0.5, random.random((1, 1, 1, 1)), np.array(1.0)):
+                  random.random((3, 2)) > 0.5, random.random((1, 1, 1, 1, 1)), np.array(1.0)):
         np.save(source, array)
         done = copy("float64", source, target)
         assert done.returncode == 2 and str(source) in done.stderr, (array, done)

@@ -250,11 +250,8 @@ class ContinuousContact {
     }
   }
 
-  /// The least speed (m/s) at which a resting point is to leave: gaps close slowly, overlaps open slower than
-  /// what rests may move.
-  S closing(const Pair& pair, std::size_t i, const S& pull) const {
-    return minimum(S(-pull * pair.manifold.gap[i]), S(as<S>(0.5 * options_.rest_speed) * pair.speed_scale));
-  }
+  /// The least speed (m/s) at which a resting point is to leave: gaps close slowly, overlaps open slowly.
+  static S closing(const Pair& pair, std::size_t i, const S& pull) { return -pull * pair.manifold.gap[i]; }
 
   /// Slow approaches of resting points end at once, without bounce. Returns where there were any.
   MaskOf<S> stop_approaches(State& y, Motions& motion, const S& pull) {

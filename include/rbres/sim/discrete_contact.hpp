@@ -83,15 +83,22 @@ void push_out(const Body<S, Shape>& body, const Vec3<S>& normal, const S& depth,
   state.angular_velocity = slower(spin, S(excess - taken)) * state.angular_velocity;
 }
 
+/// What a step's forces did to a body before contacts.
+template <class S>
+struct Gain {
+  Vec3<S> velocity;      ///< m/s
+  Vec3<S> acceleration;  ///< mean, m/s^2
+  S lost;                ///< energy that the integrator lost, as those of first order do, J
+};
+
 /// One pair at the end of a step, in the lanes `where`: impulse where it overlaps and approaches, and the
 /// overlap taken away along the normal, shared by inverse mass. What the step's forces alone can have given
-/// in two steps is rest, not approach. `gained`: the velocities that the forces gave in the step (m/s), which
-/// was `h` long: what the move costs against them is taken out of the motion.
+/// in two steps is rest, not approach. What the
+/// move costs against the forces is taken out of the motion.
 template <class System>
-void meet(const System& system, const Reserved<Vec3<typename System::Scalar>>& gained,
-          const typename System::Scalar& h, typename System::State& y, int first, int second,
-          const typename System::Scalar& rest, const MaskOf<typename System::Scalar>& where,
-          ContactTally<typename System::Scalar>& tally) {
+void meet(const System& system, const Reserved<Gain<typename System::Scalar>>& gained,
+          typename System::State& y, int first, int second, const typename System::Scalar& rest,
+          const MaskOf<typename System::Scalar>& where, ContactTally<typename System::Scalar>& tally) {
   using S = typename System::Scalar;
   with_manifold(system, y, first, second, [&](auto manifold, auto is_plane) {
     constexpr bool fixed = decltype(is_plane)::value;
@@ -116,13 +123,13 @@ void meet(const System& system, const Reserved<Vec3<typename System::Scalar>>& g
         return motion_of(system[first], y[first]);
       }
     }();
-    const auto gain = [&](int i) -> const Vec3<S>& { return gained[static_cast<std::size_t>(i)]; };
-    Vec3<S> change = gain(second);
-    S energy = kinetic_energy(system[second], y[second]);
+    const auto gain = [&](int i) -> const Gain<S>& { return gained[static_cast<std::size_t>(i)]; };
+    Vec3<S> change = gain(second).velocity;
+    S energy = kinetic_energy(system[second], y[second]) + gain(second).lost;
     S share(0), size = system[second].bounding_radius();
     if constexpr (!fixed) {
-      change -= gain(first);
-      energy += kinetic_energy(system[first], y[first]);
+      change -= gain(first).velocity;
+      energy += kinetic_energy(system[first], y[first]) + gain(first).lost;
       share = a.inverse_mass / (a.inverse_mass + b.inverse_mass);
       size = minimum(size, system[first].bounding_radius());
     }
@@ -133,16 +140,14 @@ void meet(const System& system, const Reserved<Vec3<typename System::Scalar>>& g
     tally.impacts += hit;
     const Vec3<S> shift = select(overlaps, depth, S(0)) * manifold.normal;
     set_velocities_where(hit, y[second], b);
-    const S rate = S(1) / select(h > S(0), h, S(1));
-    S cost = (S(1) - share) * system[second].mass() * dot(gain(second), shift);
+    S cost = (share - S(1)) * system[second].mass() * dot(gain(second).acceleration, shift);
     if constexpr (fixed) {
-      push_out(system[second], manifold.normal, select(overlaps, depth, S(0)), S(-rate * cost), energy,
-               y[second]);
+      push_out(system[second], manifold.normal, select(overlaps, depth, S(0)), cost, energy, y[second]);
     } else {
       set_velocities_where(hit, y[first], a);
-      cost -= share * system[first].mass() * dot(gain(first), shift);
-      const S excess = kinetic_energy(system[first], y[first]) + kinetic_energy(system[second], y[second]) -
-                       energy - rate * cost;
+      cost += share * system[first].mass() * dot(gain(first).acceleration, shift);
+      const S excess =
+          kinetic_energy(system[first], y[first]) + kinetic_energy(system[second], y[second]) - energy + cost;
       y[first].position -= share * shift;
       y[second].position += (S(1) - share) * shift;
       a.position = y[first].position;
@@ -156,12 +161,12 @@ void meet(const System& system, const Reserved<Vec3<typename System::Scalar>>& g
 /// The same in one piece, which is faster: not for dual numbers, with which g++ 12 fails on it.
 template <class System>
 [[gnu::noinline, gnu::flatten]] void meet_flat(const System& system,
-                                               const Reserved<Vec3<typename System::Scalar>>& gained,
-                                               const typename System::Scalar& h, typename System::State& y,
-                                               int first, int second, const typename System::Scalar& rest,
+                                               const Reserved<Gain<typename System::Scalar>>& gained,
+                                               typename System::State& y, int first, int second,
+                                               const typename System::Scalar& rest,
                                                const MaskOf<typename System::Scalar>& where,
                                                ContactTally<typename System::Scalar>& tally) {
-  meet(system, gained, h, y, first, second, rest, where, tally);
+  meet(system, gained, y, first, second, rest, where, tally);
 }
 
 /// All contacts at the end of a step of h (s) from `before` to y, each pair once. Pairs that share a body are
@@ -184,12 +189,18 @@ class DiscreteContact {
     find_pairs(y);
     if (pairs_.empty()) return;
     gained_.clear();
-    for (int i = 0; i < bodies_of(*system_); ++i) gained_.push_back(y[i].velocity - before[i].velocity);
+    const S rate = S(1) / select(h > S(0), h, S(1));
+    for (int i = 0; i < bodies_of(*system_); ++i) {
+      const Vec3<S> gained = y[i].velocity - before[i].velocity;
+      const Vec3<S> mean = rate * (y[i].position - before[i].position);
+      const S lost = dot(gained, mean - as<S>(0.5) * (y[i].velocity + before[i].velocity));
+      gained_.push_back({gained, rate * gained, maximum(S((*system_)[i].mass() * lost), S(0))});
+    }
     const auto meet_pair = [&](const Pair& pair, const MaskOf<S>& where) {
       if constexpr (std::is_floating_point_v<typename ScalarTraits<S>::Value>) {
-        meet_flat(*system_, gained_, h, y, pair.first, pair.second, rest_speed, where, tally);
+        meet_flat(*system_, gained_, y, pair.first, pair.second, rest_speed, where, tally);
       } else {
-        meet(*system_, gained_, h, y, pair.first, pair.second, rest_speed, where, tally);
+        meet(*system_, gained_, y, pair.first, pair.second, rest_speed, where, tally);
       }
     };
     if (!any(shared_)) {
@@ -266,7 +277,7 @@ class DiscreteContact {
 
   const System* system_;
   Reserved<Pair> pairs_;
-  Reserved<Vec3<S>> gained_;  ///< velocities that the step's forces gave, m/s
+  Reserved<Gain<S>> gained_;
   Reserved<Used> used_;
   MaskOf<S> shared_{false};
 };
