@@ -111,7 +111,8 @@ class IslandEnergy {
       zs += here * inertia.z + m * (Vec3<S>{S(0), S(0), r2} - r.z * r);
     }
     const Mat3<S> inertia{xs, ys, zs};
-    const MaskOf<S> free = (planes_ < S(1)) & (mass > S(0));
+    const MaskOf<S> there = mass > S(0);
+    const MaskOf<S> free = there & (planes_ < S(1));
     const S about = dot(axis_, inertia * axis_);
     const Vec3<S> turn = select(free, symmetric_inverse(inertia) * spin,
                                 S(dot(axis_, spin) / select(about > S(0), about, S(1))) * axis_);
@@ -123,7 +124,8 @@ class IslandEnergy {
           as<S>(0.5) * (system[i].mass() * squared_norm(u) + dot(w, scale(system[i].inertia(), w)));
       remainder += select(moves[std::size_t(i)], energy, S(0));
     }
-    const MaskOf<S> some = (excess > S(0)) & (remainder > S(0));
+    const MaskOf<S> moving = remainder > S(0);
+    const MaskOf<S> some = moving & (excess > S(0));
     const S share = S(1) - root(maximum(S(S(1) - excess / select(some, remainder, S(1))), S(0)));
     for (const int i : bodies_) {
       const Vec3<S> u = y[i].velocity - velocity - cross(turn, y[i].position - centre);
