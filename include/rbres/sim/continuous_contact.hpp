@@ -9,6 +9,7 @@
 #include <rbres/sim/discrete_contact.hpp>
 #include <rbres/sim/options.hpp>
 #include <rbres/sim/resting_work.hpp>
+#include <span>
 #include <utility>
 
 namespace rbres {

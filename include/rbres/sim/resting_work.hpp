@@ -1,9 +1,11 @@
 #pragma once
 
+#include <array>
 #include <rbres/body/mechanics.hpp>
 #include <rbres/contact/contact_pair.hpp>
 #include <rbres/core/lie.hpp>
 #include <rbres/core/reserved.hpp>
+#include <span>
 
 namespace rbres::detail {
 
