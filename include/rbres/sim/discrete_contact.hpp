@@ -93,8 +93,7 @@ struct Gain {
 
 /// One pair at the end of a step, in the lanes `where`: impulse where it overlaps and approaches, and the
 /// overlap taken away along the normal, shared by inverse mass. What the step's forces alone can have given
-/// in two steps is rest, not approach. What the
-/// move costs against the forces is taken out of the motion.
+/// in two steps is rest, not approach. What the move costs against the forces is taken out of the motion.
 template <class System>
 void meet(const System& system, const Reserved<Gain<typename System::Scalar>>& gained,
           typename System::State& y, int first, int second, const typename System::Scalar& rest,

@@ -68,19 +68,19 @@ class IslandEnergy {
     if (who.first >= 0) return;
     const Vec3<S> n = mobile_ * normal;
     const S length = squared_norm(n);
-    const MaskOf<S> other = where & (length > as<S>(1e-6));
+    const MaskOf<S> sticks = where & (friction > S(0)), other = where & (length > as<S>(1e-6));
     const S weight = S(1) / select(other, length, S(1));
     const auto without = [&](Vec3<S>& column, const S& along) {
       const Vec3<S> left = column - S(weight * along) * n;
-      column = select(where & (friction > S(0)), Vec3<S>{}, select(other, left, column));
+      column = select(sticks, Vec3<S>{}, select(other, left, column));
     };
     without(mobile_.x, n.x);
     without(mobile_.y, n.y);
     without(mobile_.z, n.z);
     axis_ = select(other, select(planes_ > S(0), Vec3<S>{}, normal), axis_);
-    axis_ = select(where & (friction > S(0)), Vec3<S>{}, axis_);
+    axis_ = select(sticks, Vec3<S>{}, axis_);
     planes_ = select(other, S(planes_ + S(1)), planes_);
-    planes_ = select(where & (friction > S(0)), S(2), planes_);
+    planes_ = select(sticks, S(2), planes_);
   }
 
   std::span<const int> bodies() const { return {bodies_.data(), bodies_.size()}; }
@@ -89,6 +89,8 @@ class IslandEnergy {
   /// rigid one, along the planes that it lies on), which carries the momentum that they conserve, and a
   /// remainder without any, which shrinks. `moves`: the lanes in which a body belongs to it.
   void remove(const System& system, State& y, const S& excess, const std::array<MaskOf<S>, N>& moves) const {
+    const MaskOf<S> taken = excess > S(0);
+    if (!any(taken)) return;
     S mass(0);
     Vec3<S> momentum, centre;
     for (const int i : bodies_) {
@@ -118,23 +120,21 @@ class IslandEnergy {
     const S about = dot(axis_, inertia * axis_);
     const Vec3<S> turn = select(free, symmetric_inverse(inertia) * spin,
                                 S(dot(axis_, spin) / select(about > S(0), about, S(1))) * axis_);
+    const auto rest = [&](RigidState<S> body) {
+      body.velocity -= velocity + cross(turn, body.position - centre);
+      body.angular_velocity -= rotate_back(body.orientation, turn);
+      return body;
+    };
     S remainder(0);
-    for (const int i : bodies_) {
-      const Vec3<S> u = y[i].velocity - velocity - cross(turn, y[i].position - centre);
-      const Vec3<S> w = y[i].angular_velocity - rotate_back(y[i].orientation, turn);
-      const S energy =
-          as<S>(0.5) * (system[i].mass() * squared_norm(u) + dot(w, scale(system[i].inertia(), w)));
-      remainder += select(moves[std::size_t(i)], energy, S(0));
-    }
-    const MaskOf<S> moving = remainder > S(0);
-    const MaskOf<S> some = moving & (excess > S(0));
+    for (const int i : bodies_)
+      remainder += select(moves[std::size_t(i)], kinetic_energy(system[i], rest(y[i])), S(0));
+    const MaskOf<S> some = taken & (remainder > S(0));
     const S share = S(1) - root(maximum(S(S(1) - excess / select(some, remainder, S(1))), S(0)));
     for (const int i : bodies_) {
-      const Vec3<S> u = y[i].velocity - velocity - cross(turn, y[i].position - centre);
-      const Vec3<S> w = y[i].angular_velocity - rotate_back(y[i].orientation, turn);
+      const RigidState<S> shrinks = rest(y[i]);
       const S here = select(some & moves[std::size_t(i)], share, S(0));
-      y[i].velocity -= here * u;
-      y[i].angular_velocity -= here * w;
+      y[i].velocity -= here * shrinks.velocity;
+      y[i].angular_velocity -= here * shrinks.angular_velocity;
     }
   }
 
