@@ -114,7 +114,7 @@ class Trainer {
   /// the trainer is as it was), then fill(network, best, moments) gets the blocks themselves, as spans. Where
   /// fill throws, weights and moments are what it left them.
   template <std::invocable<std::span<Scalar>, std::span<Scalar>, std::span<Scalar>> Fill>
-  void restore(const TrainingProgress& progress, std::vector<EpochLosses> history, const Fill& fill) {
+  void restore(const TrainingProgress& progress, std::vector<EpochLosses>&& history, const Fill& fill) {
     detail::expect_state(progress, history, options_);
     fill(state_.network.parameters(), state_.best.parameters(),
          std::span<Scalar>(state_.moments.data(), moments_size));
