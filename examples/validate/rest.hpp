@@ -60,10 +60,8 @@ inline void resting(Rows& rows) {
       drift(difference(now[i].position, start[i].position));
       const Quat<double> turned = start[i].orientation.conjugate() * now[i].orientation;
       drift(2 * norm(turned.imaginary()) * system[i].bounding_radius());
-      for (int other = -1; other < i; ++other) {
-        detail::with_manifold(system, now, other, i, [&](const auto& m, auto) { depth(-m.separation); });
-      }
     }
+    for (const auto& contact : contacts(system, now)) depth(-contact.gap);
   });
   rows.push_back(
       {"resting_drift", drift.value(), 1e-6, "m",

@@ -3,6 +3,7 @@
 /// Everything but files (those are in <rbres/io.hpp>); needs Eigen alone.
 #include <rbres/body/mechanics.hpp>
 #include <rbres/body/system.hpp>
+#include <rbres/contact/contact_query.hpp>
 #include <rbres/core/aligned.hpp>
 #include <rbres/core/error.hpp>
 #include <rbres/core/lie.hpp>

@@ -134,21 +134,15 @@ double separation(const System& system, const typename System::State& y, int fir
   return static_cast<double>(detect(system[first].shape(), other, system[second].shape(), pose).separation);
 }
 
-/// The deepest overlap, as a share of the smaller body's bounding radius; below 0: none.
+/// The deepest overlap, as a share of the smaller body's bounding radius; minus infinity: none.
 template <class System>
 double overlap(const System& system, const typename System::State& y) {
   double worst = -INFINITY;
-  const auto see = [&](int first, int second) {
-    double size = static_cast<double>(system[second].bounding_radius());
-    if (first >= 0) size = std::min(size, static_cast<double>(system[first].bounding_radius()));
-    worst = std::max(worst, -separation(system, y, first, second) / size);
-  };
-  for (int i = 0; i < System::bodies; ++i) {
-    for (std::size_t p = 0; p < system.planes().size(); ++p) see(-1 - static_cast<int>(p), i);
-    for (int j = 0; j < i; ++j) {
-      if (norm(y[i].position - y[j].position) < system[i].bounding_radius() + system[j].bounding_radius())
-        see(j, i);
-    }
+  for (const auto& contact : contacts(system, y)) {
+    double size = static_cast<double>(system[contact.second].bounding_radius());
+    if (!contact.with_plane())
+      size = std::min(size, static_cast<double>(system[contact.first].bounding_radius()));
+    worst = std::max(worst, -static_cast<double>(contact.gap) / size);
   }
   return worst;
 }

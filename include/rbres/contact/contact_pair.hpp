@@ -1,9 +1,9 @@
 #pragma once
 
 #include <algorithm>
-#include <rbres/contact/broad_phase.hpp>
 #include <rbres/contact/detect.hpp>
 #include <rbres/contact/impact.hpp>
+#include <rbres/contact/near_pairs.hpp>
 
 namespace rbres {
 namespace detail {
@@ -15,19 +15,6 @@ Surface<typename System::Scalar> surface_of(const System& system, int first, int
   const auto& a =
       first < 0 ? system.planes()[static_cast<std::size_t>(-1 - first)].material : system[first].material();
   return {combined_restitution(a, b), combined_friction(a, b)};
-}
-
-/// Calls f(manifold, is_plane) with how the pair (as in Candidate) meets in this state.
-template <class System, class F>
-void with_manifold(const System& system, const typename System::State& y, int first, int second, const F& f) {
-  const auto pose = shape_pose(system[second], y[second]);
-  if (first < 0) {
-    f(detect(system.planes()[static_cast<std::size_t>(-1 - first)], system[second].shape(), pose),
-      std::true_type{});
-  } else {
-    f(detect(system[first].shape(), shape_pose(system[first], y[first]), system[second].shape(), pose),
-      std::false_type{});
-  }
 }
 
 /// The speed of a fall as deep as the body is large, over that of a body of 0.1 m: sqrt(10 / m * size).

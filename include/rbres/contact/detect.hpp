@@ -51,4 +51,20 @@ using PairManifold =
 template <class S, class Shape>
 using PlaneManifold = decltype(detect(Plane<S>{}, std::declval<const Shape&>(), Pose<S>{}));
 
+namespace detail {
+
+/// Calls f(manifold, is_plane) with how the pair (as in Candidate) meets in this state.
+template <class System, class F>
+void with_manifold(const System& system, const typename System::State& y, int first, int second, const F& f) {
+  const auto pose = shape_pose(system[second], y[second]);
+  if (first < 0) {
+    f(detect(system.planes()[static_cast<std::size_t>(-1 - first)], system[second].shape(), pose),
+      std::true_type{});
+  } else {
+    f(detect(system[first].shape(), shape_pose(system[first], y[first]), system[second].shape(), pose),
+      std::false_type{});
+  }
+}
+
+}  // namespace detail
 }  // namespace rbres

@@ -41,6 +41,19 @@ void gather(Manifold<S, P, Central>& m, std::array<MaskOf<S>, std::size_t(P)>& c
   }
 }
 
+namespace detail {
+
+/// Calls f(i, point, gap) for the points of a manifold that are there, in at least one lane.
+template <class S, int P, bool Central, class F>
+void each_point(const Manifold<S, P, Central>& m, const F& f) {
+  for (int i = 0; i < P; ++i) {
+    const auto k = static_cast<std::size_t>(i);
+    if (any(m.gap[k] < S(m.none / 2))) f(i, m.point[k], m.gap[k]);
+  }
+}
+
+}  // namespace detail
+
 /// The body's shape in the world. Balls look the same from every side: their axes are left out.
 template <class S, class Shape>
 Pose<S> shape_pose(const Body<S, Shape>& body, const RigidState<S>& state) {

@@ -68,9 +68,17 @@ struct ContactFrame {
       reach_.push_back(radius + 0.5 * scales.frame_time * (norm(f.mean_velocity) + radius * norm(f.spin)) +
                        0.5 * scales.margin);
     }
-    for (std::size_t p = 0; p < scene.planes.size(); ++p)
-      for (std::size_t i = 0; i < scene.bodies.size(); ++i) add_plane(scene, p, i, base, scales);
-    find_pairs(base);
+    const auto middle = [&](int i) -> const Vec3<double>& {
+      return flights[base + static_cast<std::size_t>(i)].middle;
+    };
+    const auto reach = [&](int i) { return reach_[static_cast<std::size_t>(i)]; };
+    const auto from_plane = [&](int i) { return reach(i) + 0.5 * scales.margin; };
+    const int n = static_cast<int>(scene.bodies.size());
+    for (const auto& pair : NearPairs<double, Partners::planes, decltype(middle), decltype(from_plane)>(
+             scene.planes, n, middle, from_plane))
+      add_plane(scene, static_cast<std::size_t>(-1 - pair.who.first),
+                static_cast<std::size_t>(pair.who.second), base, scales);
+    find_pairs(middle, reach);
     for (const Candidate& pair : pairs_)
       add_pair(scene, static_cast<std::size_t>(pair.first), static_cast<std::size_t>(pair.second), base,
                scales);
@@ -113,23 +121,17 @@ struct ContactFrame {
   }
 
  private:
-  /// The pairs of bodies of the last scene, whose flights begin at `base`, that may touch within the frame.
-  void find_pairs(std::size_t base) {
-    const auto place = [](int i) { return static_cast<std::size_t>(i); };
-    const auto middle = [&](int i) -> const Vec3<double>& { return flights[base + place(i)].middle; };
+  /// The pairs of bodies of the last scene that may touch within the frame.
+  template <class Position, class Reach>
+  void find_pairs(const Position& position, const Reach& reach) {
     if (order_.size() != reach_.size()) {
       order_.resize(reach_.size());
       std::iota(order_.begin(), order_.end(), 0);
     }
     pairs_.clear();
-    sweep(
-        order_, [&](int i) { return middle(i).x - reach_[place(i)]; },
-        [&](int i) { return middle(i).x + reach_[place(i)]; },
-        [&](int i, int j) {
-          const double reach = reach_[place(i)] + reach_[place(j)];
-          if (squared_norm(middle(i) - middle(j)) < reach * reach && pairs_.size() < most_)
-            pairs_.push_back({std::min(i, j), std::max(i, j)});
-        });
+    sweep(order_, position, reach, [&](const Candidate& pair) {
+      if (pairs_.size() < most_) pairs_.push_back(pair);
+    });
     std::sort(pairs_.begin(), pairs_.end(), comes_before);
   }
 
@@ -139,7 +141,6 @@ struct ContactFrame {
     const Plane<double>& plane = scene.planes[p];
     const auto& body = scene.bodies[i];
     const ContactFlight& f = flights[base + i];
-    if (!(dot(plane.normal, f.middle) - plane.offset < reach_[i] + 0.5 * scales.margin)) return;
     Contact contact;
     contact.first = -1 - static_cast<int>(p);
     contact.second = static_cast<int>(base + i);

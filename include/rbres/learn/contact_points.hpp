@@ -27,15 +27,6 @@ Pose<S> pose_of(const Shape<S>&, const Vec3<S>& position, const Quat<S>& orienta
   }
 }
 
-/// Calls f(i, point) for the points of a manifold that exist.
-template <class S, int P, bool C, class F>
-void each_point(const Manifold<S, P, C>& m, const F& f) {
-  for (int i = 0; i < P; ++i) {
-    const auto k = static_cast<std::size_t>(i);
-    if (m.gap[k] < S(0.5 * m.none)) f(i, m.point[k], m.gap[k]);
-  }
-}
-
 /// Calls f(manifold) with how two bodies meet halfway.
 template <class Shape, class F>
 void with_places(const Body<double, Shape>& first, const ContactFlight& at_first,

@@ -1,7 +1,8 @@
 #pragma once
 
 #include <algorithm>
-#include <rbres/contact/contact_pair.hpp>
+#include <rbres/contact/contact_query.hpp>
+#include <rbres/contact/impulse.hpp>
 #include <rbres/learn/scene_simulator.hpp>
 #include <rbres/learn/windows.hpp>
 
@@ -51,18 +52,11 @@ class SpringDamperSimulator {
     for (int i = 0; i < n; ++i) motion_[at(i)] = motion_of(system_[i], state[i]);
     std::fill(change_.begin(), change_.end(), Change{});
     bool any = false;
-    for (int second = 0; second < n; ++second) {
-      const Vec3<double>& p = state[second].position;
-      const double r = system_[second].bounding_radius();
-      for (std::size_t k = 0; k < system_.planes().size(); ++k) {
-        const Plane<double>& plane = system_.planes()[k];
-        if (dot(plane.normal, p) - plane.offset < r)
-          any |= push_pair(state, -1 - static_cast<int>(k), second);
-      }
-      for (int first = 0; first < second; ++first) {
-        const double reach = r + system_[first].bounding_radius();
-        if (squared_norm(p - state[first].position) < reach * reach) any |= push_pair(state, first, second);
-      }
+    for (const auto& contact : contacts(system_, state)) {
+      any = true;
+      const double share = 1.0 / static_cast<double>(contact.points().size());
+      for (const auto& point : contact.points())
+        push_point(contact.first, contact.second, contact.normal, point.position, point.gap, share);
     }
     if (!any) return;
     for (int i = 0; i < n; ++i) {
@@ -70,20 +64,6 @@ class SpringDamperSimulator {
       motion_[at(i)].angular_velocity += change_[at(i)].angular_velocity;
       set_velocities(state[i], motion_[at(i)]);
     }
-  }
-
-  bool push_pair(const SceneState& state, int first, int second) {
-    bool any = false;
-    detail::with_manifold(system_, state, first, second, [&](const auto& manifold, auto) {
-      int touching = 0;
-      for (const double gap : manifold.gap) touching += gap < 0;
-      for (std::size_t i = 0; i < manifold.gap.size(); ++i) {
-        if (!(manifold.gap[i] < 0)) continue;
-        any = true;
-        push_point(first, second, manifold.normal, manifold.point[i], manifold.gap[i], 1.0 / touching);
-      }
-    });
-    return any;
   }
 
   /// One of the points that share a pair's contact.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <limits>
+#include <rbres/contact/broad_phase.hpp>
 #include <rbres/contact/contact_memory.hpp>
 #include <rbres/contact/impact_search.hpp>
 #include <rbres/contact/impacts.hpp>

@@ -244,32 +244,17 @@ class DiscreteContact {
   /// The pairs whose bounding balls overlap; and where two of them share a body.
   void find_pairs(const State& y) {
     const System& system = *system_;
-    const int n = bodies_of(system);
-    used_.assign(static_cast<std::size_t>(n), {MaskOf<S>(false)});
+    used_.assign(static_cast<std::size_t>(bodies_of(system)), {MaskOf<S>(false)});
     shared_ = MaskOf<S>(false);
     pairs_.clear();
-    const auto add = [&](int first, int second, const MaskOf<S>& close) {
-      pairs_.push_back({first, second, S(0), close});
-      for (const int i : {first, second}) {
+    const auto reach = [&](int i) -> const S& { return system[i].bounding_radius(); };
+    for (const auto& [who, near] : near_pairs(system, y, reach)) {
+      pairs_.push_back({who.first, who.second, S(0), near});
+      for (const int i : {who.first, who.second}) {
         if (i < 0) continue;
         MaskOf<S>& u = used_[static_cast<std::size_t>(i)].yes;
-        shared_ = shared_ | (u & close);
-        u = u | close;
-      }
-    };
-    const auto& planes = system.planes();
-    for (std::size_t p = 0; p < planes.size(); ++p) {
-      for (int i = 0; i < n; ++i) {
-        const MaskOf<S> close =
-            dot(planes[p].normal, y[i].position) - planes[p].offset < system[i].bounding_radius();
-        if (any(close)) add(-1 - static_cast<int>(p), i, close);
-      }
-    }
-    for (int i = 0; i < n; ++i) {
-      for (int j = i + 1; j < n; ++j) {
-        const S r = system[i].bounding_radius() + system[j].bounding_radius();
-        const MaskOf<S> close = squared_norm(y[i].position - y[j].position) < r * r;
-        if (any(close)) add(i, j, close);
+        shared_ = shared_ | (u & near);
+        u = u | near;
       }
     }
   }

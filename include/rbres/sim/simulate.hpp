@@ -2,6 +2,7 @@
 
 #include <limits>
 #include <rbres/body/check_state.hpp>
+#include <rbres/contact/contact_query.hpp>
 #include <rbres/sim/contacts.hpp>
 #include <rbres/sim/observer.hpp>
 #include <type_traits>
@@ -123,20 +124,15 @@ template <class System>
 void check_state(const System& system, const typename System::State& y) {
   using S = typename System::Scalar;
   detail::check_numbers(system, y);
-  const auto check_pair = [&](int first, int second) {
-    detail::with_manifold(system, y, first, second, [&](const auto& m, auto) {
-      S size = system[second].bounding_radius();
-      if (first >= 0) size = minimum(size, system[first].bounding_radius());
-      if (m.separation < as<S>(-1e-3) * size) {
-        const auto other = first < 0 ? detail::text("plane ", -1 - first) : detail::text("body ", first);
-        detail::refuse(detail::text("body ", second, " and ", other), "surfaces apart or touching",
-                       detail::text("an overlap of ", S(-m.separation), " m"));
-      }
-    });
-  };
-  for (int i = 0; i < System::bodies; ++i) {
-    for (std::size_t p = 0; p < system.planes().size(); ++p) check_pair(-1 - static_cast<int>(p), i);
-    for (int j = i + 1; j < System::bodies; ++j) check_pair(i, j);
+  for (const auto& contact : contacts(system, y)) {
+    S size = system[contact.second].bounding_radius();
+    if (!contact.with_plane()) size = minimum(size, system[contact.first].bounding_radius());
+    if (contact.gap < as<S>(-1e-3) * size) {
+      const auto other = contact.with_plane() ? detail::text("plane ", contact.plane())
+                                              : detail::text("body ", contact.first);
+      detail::refuse(detail::text("body ", contact.second, " and ", other), "surfaces apart or touching",
+                     detail::text("an overlap of ", S(-contact.gap), " m"));
+    }
   }
 }
 

@@ -1,0 +1,145 @@
+#pragma once
+
+#include <algorithm>
+#include <rbres/contact/detect.hpp>
+#include <rbres/contact/near_pairs.hpp>
+
+namespace rbres {
+
+/// Where two bodies, or a plane and a body, touch: up to P points under one normal. In lanes it is there
+/// where it touches in at least one of them; the points' gaps say in which.
+template <class S, int P>
+class Contact {
+ public:
+  struct Point {
+    Vec3<S> position;  ///< halfway between the two surfaces; with a plane on the body's; world frame, m
+    S gap;             ///< signed distance of the surfaces along the normal, m; negative: they overlap
+  };
+
+  int first = 0;   ///< index of a body; -1 - p for plane p of System::planes()
+  int second = 0;  ///< index of a body, larger than first
+  Vec3<S> normal;  ///< unit, from the first surface to the second, world frame
+  S gap;           ///< the least of the points', m
+
+  /// Whether a body touches a plane, and which one.
+  bool with_plane() const noexcept { return first < 0; }
+  int plane() const noexcept { return -1 - first; }
+  /// One or more: those whose gap is within the margin, in lanes in at least one of them.
+  std::span<const Point> points() const noexcept { return {points_.data(), count_}; }
+
+ private:
+  template <class>
+  friend class Contacts;
+
+  std::array<Point, P> points_;
+  std::size_t count_ = 0;
+};
+
+/// The contacts of a state, each found when a loop comes to it: see contacts().
+template <class System>
+class Contacts {
+  using S = typename System::Scalar;
+  using Shape = typename System::Shape;
+  using State = typename System::State;
+  /// Balls that just touch stay in, whatever their rounding.
+  struct Reach {
+    const System* system;
+    S margin;
+    S operator()(int i) const { return as<S>(1.001) * (*system)[i].bounding_radius() + margin; }
+  };
+  using NearPairs = decltype(detail::near_pairs(std::declval<const System&>(), std::declval<const State&>(),
+                                                std::declval<Reach>()));
+
+ public:
+  using value_type = Contact<S, std::max(PairManifold<S, Shape>::points, PlaneManifold<S, Shape>::points)>;
+
+  Contacts(const System& system, const State& state, const S& margin) noexcept
+      : system_(&system),
+        state_(&state),
+        margin_(margin),
+        pairs_(detail::near_pairs(system, state, Reach{&system, maximum(margin, S(0))})) {}
+
+  class Iterator {
+   public:
+    using iterator_concept = std::input_iterator_tag;
+    using value_type = Contacts::value_type;
+    using difference_type = std::ptrdiff_t;
+
+    explicit Iterator(const Contacts& contacts) noexcept
+        : contacts_(&contacts), pair_(contacts.pairs_.begin()) {
+      skip_apart();
+    }
+    const value_type& operator*() const noexcept { return contact_; }
+    const value_type* operator->() const noexcept { return &contact_; }
+    Iterator& operator++() noexcept {
+      ++pair_;
+      skip_apart();
+      return *this;
+    }
+    void operator++(int) noexcept { ++*this; }
+    friend bool operator==(const Iterator& i, std::default_sentinel_t end) noexcept { return i.pair_ == end; }
+
+   private:
+    /// On to the first pair, from this one on, that has a point.
+    void skip_apart() noexcept {
+      while (!(pair_ == std::default_sentinel) && !contacts_->find((*pair_).who, contact_)) ++pair_;
+    }
+
+    const Contacts* contacts_;
+    typename NearPairs::Iterator pair_;
+    value_type contact_;
+  };
+
+  Iterator begin() const noexcept { return Iterator(*this); }
+  std::default_sentinel_t end() const noexcept { return {}; }
+
+ private:
+  /// The pair's points within the margin. False where there are none.
+  bool find(const Candidate& who, value_type& contact) const noexcept {
+    contact.first = who.first;
+    contact.second = who.second;
+    contact.count_ = 0;
+    detail::with_manifold(*system_, *state_, who.first, who.second, [&](const auto& manifold, auto) {
+      contact.normal = manifold.normal;
+      contact.gap = S(manifold.none);
+      detail::each_point(manifold, [&](int, const Vec3<S>& position, const S& gap) {
+        if (!any(gap <= margin_)) return;
+        contact.points_[contact.count_++] = {position, gap};
+        contact.gap = minimum(contact.gap, gap);
+      });
+    });
+    return contact.count_ > 0;
+  }
+
+  const System* system_;
+  const State* state_;
+  S margin_;
+  NearPairs pairs_;
+};
+
+/// Where the bodies of a state touch one another and the planes:
+///
+///     for (const auto& contact : contacts(system, state))
+///       for (const auto& point : contact.points()) draw(point.position, contact.normal);
+///
+/// A pair of bodies, or of a plane and a body, is a Contact where one of its points has a gap of `margin` (m)
+/// at most. Bodies at rest stand a rounding error above or in what they rest on: give them a margin, 1e-6 m,
+/// say. With a margin boxes need not have a point where only their edges or corners are within it; where they
+/// overlap they have. Planes come first, then bodies, in order of (first, second). A body whose position is
+/// not finite touches nothing.
+///
+/// Contacts are found while the loop goes; nothing allocates and nothing throws. All pairs' bounding balls
+/// are compared. `system` and `state` must outlive the loop.
+template <class System>
+Contacts<System> contacts(const System& system, const typename System::State& state,
+                          const typename System::Scalar& margin = typename System::Scalar(0)) noexcept {
+  return {system, state, margin};
+}
+template <class System>
+void contacts(const System&&, const typename System::State&,
+              const typename System::Scalar& = typename System::Scalar(0)) = delete;
+template <class System>
+void contacts(const System&, const typename System::State&&,
+              const typename System::Scalar& = typename System::Scalar(0)) = delete;
+
+}  // namespace rbres

@@ -1,0 +1,104 @@
+#pragma once
+
+#include <iterator>
+#include <rbres/body/system.hpp>
+#include <span>
+
+namespace rbres {
+
+/// Two bodies, or a plane and a body, that may touch.
+struct Candidate {
+  int first;   ///< index of a body; -1 - p for plane p
+  int second;  ///< index of a body, larger than first
+};
+
+namespace detail {
+
+/// A pair whose bounding balls overlap.
+template <class S>
+struct NearPair {
+  Candidate who;
+  MaskOf<S> near;  ///< the lanes in which they do
+};
+
+/// With what a body is compared.
+enum class Partners { planes, planes_and_bodies };
+
+/// The pairs among `bodies` bodies at position(i), and between them and `planes`, whose balls of radius
+/// reach(i) (m) overlap in at least one lane: planes first, in order of the plane's or first body's index,
+/// then of the second's. Every pair is compared; nothing is stored.
+template <class S, Partners partners, class Position, class Reach>
+class NearPairs {
+ public:
+  NearPairs(std::span<const Plane<S>> planes, int bodies, const Position& position, const Reach& reach)
+      : planes_(planes), bodies_(bodies), position_(position), reach_(reach) {}
+
+  class Iterator {
+   public:
+    explicit Iterator(const NearPairs& pairs)
+        : pairs_(&pairs), who_(pairs.planes_.empty() ? Candidate{0, 0} : Candidate{-1, -1}) {
+      ++*this;
+    }
+    NearPair<S> operator*() const { return {who_, near_}; }
+    Iterator& operator++() {
+      do {
+        if (++who_.second >= pairs_->bodies_) next_first();
+        if (at_end()) break;
+        near_ = pairs_->near(who_);
+      } while (!any(near_));
+      return *this;
+    }
+    friend bool operator==(const Iterator& i, std::default_sentinel_t) { return i.at_end(); }
+
+   private:
+    void next_first() {
+      const bool more_planes = who_.first < 0 && -who_.first < std::ssize(pairs_->planes_);
+      who_.first = more_planes ? who_.first - 1 : who_.first < 0 ? 0 : who_.first + 1;
+      who_.second = more_planes ? 0 : who_.first + 1;
+    }
+    bool at_end() const {
+      return who_.second >= pairs_->bodies_ || (partners == Partners::planes && who_.first >= 0);
+    }
+
+    const NearPairs* pairs_;
+    Candidate who_;
+    MaskOf<S> near_{false};
+  };
+
+  Iterator begin() const { return Iterator(*this); }
+  std::default_sentinel_t end() const { return {}; }
+
+ private:
+  MaskOf<S> near(const Candidate& who) const {
+    const S reach = reach_(who.second);
+    if (who.first < 0) {
+      const Plane<S>& plane = planes_[static_cast<std::size_t>(-1 - who.first)];
+      return dot(plane.normal, position_(who.second)) - plane.offset < reach;
+    }
+    const S both = reach_(who.first) + reach;
+    return squared_norm(position_(who.first) - position_(who.second)) < both * both;
+  }
+
+  std::span<const Plane<S>> planes_;
+  int bodies_;
+  Position position_;
+  Reach reach_;
+};
+
+/// Where the bodies of a state are.
+template <class State>
+struct PositionIn {
+  const State* state;
+  const auto& operator()(int i) const { return (*state)[i].position; }
+};
+
+/// The near pairs of a system in a state.
+template <Partners partners = Partners::planes_and_bodies, class System, class Reach>
+auto near_pairs(const System& system, const typename System::State& state, const Reach& reach) {
+  using Position = PositionIn<typename System::State>;
+  return NearPairs<typename System::Scalar, partners, Position, Reach>(system.planes(), bodies_of(system),
+                                                                       Position{&state}, reach);
+}
+
+}  // namespace detail
+}  // namespace rbres
