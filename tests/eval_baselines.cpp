@@ -1,6 +1,6 @@
-#include <doctest/doctest.h>
+#include "../examples/scenarios/compiled.hpp"
 
-#include <rbres/eval/baselines.hpp>
+#include <doctest/doctest.h>
 
 using namespace rbres;
 

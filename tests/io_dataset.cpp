@@ -1,3 +1,4 @@
+#include "../examples/scenarios/compiled.hpp"
 #include "io_file_size_limit.hpp"
 #include "io_reseal.hpp"
 #include "io_support.hpp"

@@ -6,6 +6,7 @@
 #include <fstream>
 #include <map>
 
+#include "../examples/scenarios/compiled.hpp"
 #include "io_checkpoint_run.hpp"
 #include "io_support.hpp"
 

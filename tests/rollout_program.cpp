@@ -1,9 +1,9 @@
 // rbres_rollout from outside: what it writes, and that it writes nothing when something is wrong.
+#include "../examples/scenarios/compiled.hpp"
 #include "program_support.hpp"
 
 #include <algorithm>
 
-#include <rbres/eval/baselines.hpp>
 #include <rbres/io.hpp>
 
 using namespace rbres;

@@ -1,7 +1,8 @@
+#include "../examples/scenarios/compiled.hpp"
+
 #include <doctest/doctest.h>
 
 #include <map>
-#include <rbres/sim/dataset.hpp>
 
 using namespace rbres;
 

@@ -1,10 +1,11 @@
 // rbres_train from outside: what it saves, prints and refuses.
 #include "train_program.hpp"
 
+#include "../examples/scenarios/compiled.hpp"
+
 #include <cstring>
 #include <limits>
 
-#include <rbres/eval/baselines.hpp>
 #include <rbres/io.hpp>
 
 using namespace rbres;

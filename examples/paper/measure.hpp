@@ -3,6 +3,7 @@
 
 #include <cstdio>
 
+#include "../scenarios/compiled.hpp"
 #include "plan.hpp"
 #include "store.hpp"
 

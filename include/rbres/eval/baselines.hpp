@@ -53,11 +53,7 @@ struct Simulated {
   /// One run on: fills `states` with the states 1, 2, ... horizons later. After a number that is not finite
   /// they stay as they were.
   void rollout(const SystemState<double, 5>& y, const std::array<Wrench<double>, 5>& wrench,
-               std::span<SystemState<double, 5>> states, int present) const {
-    present == 3   ? run<3>(y, wrench, states)
-    : present == 4 ? run<4>(y, wrench, states)
-                   : run<5>(y, wrench, states);
-  }
+               std::span<SystemState<double, 5>> states, int present) const;
 
  private:
   template <int N>
@@ -81,6 +77,14 @@ struct Simulated {
     std::ranges::fill(states.subspan(done), y);
   }
 };
+
+template <BodySet Set>
+void Simulated<Set>::rollout(const SystemState<double, 5>& y, const std::array<Wrench<double>, 5>& wrench,
+                             std::span<SystemState<double, 5>> states, int present) const {
+  present == 3   ? run<3>(y, wrench, states)
+  : present == 4 ? run<4>(y, wrench, states)
+                 : run<5>(y, wrench, states);
+}
 
 /// The contact-free flow of a set's bodies.
 template <BodySet Set>

@@ -1,0 +1,3 @@
+#include "compiled.hpp"
+
+template struct rbres::Simulated<rbres::BodySet::standard>;
