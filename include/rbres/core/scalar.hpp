@@ -7,6 +7,11 @@
 #include <emmintrin.h>
 #endif
 
+// With them is_finite() is always true: NaN would pass every check.
+#if defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__
+#error "rbres needs infinity and NaN: compile without -ffast-math, or add -fno-finite-math-only"
+#endif
+
 namespace rbres {
 
 /// What a number type is to the numeric code. A scalar is float, double, a dual number (Eigen's
