@@ -1,10 +1,12 @@
 // Identifies a world from trajectories, learns how its bodies collide, and says how far each is from scenes
 // that it has not seen.
+#include <rbres/io/contact_law.hpp>
 #include <rbres/io/trajectories.hpp>
 #include <rbres/learn/identify.hpp>
 #include <rbres/learn/spring_damper.hpp>
 
 #include "common/command_line.hpp"
+#include "contacts/learn.hpp"
 #include "contacts/score.hpp"
 
 namespace {
@@ -13,33 +15,34 @@ using namespace rbres;
 using contacts::Row;
 
 struct Options {
-  std::string folder;
+  std::string folder, model;
   int scenes = 0;
+  std::uint64_t seed = 0;
+  double minutes = 10;
   bool json = false;
 };
 
 void say(const char* what) { std::fprintf(stderr, "%s\n", what); }
 
-/// The part of the training scenes by which models are chosen: one in ten, the last.
-int chosen_by(const TrajectorySet& train) { return std::max(1, train.size() / 10); }
+/// The mean position error of a predictor for scenes, m.
+template <class Make>
+double error_of(const TrajectorySet& set, const Make& make) {
+  int failed = 0;
+  return contacts::mean_position(contacts::score("", set, make, failed));
+}
 
 /// How a scene is stepped: fitted with each, that which is closest to the scenes kept apart.
-Identification identify_world(const TrajectorySet& train) {
-  if (train.size() < 2) detail::refuse("training scenes", "at least 2", train.size());
-  const int apart = chosen_by(train);
-  const TrajectorySet fit = train.subset(0, train.size() - apart), choose = train.subset(fit.size(), apart);
+Identification identify_world(const TrajectorySet& fit, const TrajectorySet& choose) {
   IdentifyOptions options{.window = 50, .most_states = 20'000};
-  if (!(squared_norm(train.gravity()) > 0)) std::erase(options.unknowns, Unknown::gravity);
+  if (!(squared_norm(fit.gravity()) > 0)) std::erase(options.unknowns, Unknown::gravity);
   Identification best;
   double least = std::numeric_limits<double>::infinity();
   using enum SceneStep::Velocity;
   for (const SceneStep& step : {SceneStep{1, mean}, SceneStep{1, instant}, SceneStep{5, instant}}) {
     options.step = step;
     const Identification found = identify(fit, options);
-    int failed = 0;
-    const double error = contacts::mean_position(contacts::score(
-        "", choose, [&](const Trajectory& s) { return SceneSimulator(choose, s, found.numbers(), step); },
-        failed));
+    const double error = error_of(
+        choose, [&](const Trajectory& s) { return SceneSimulator(choose, s, found.numbers(), step); });
     std::fprintf(stderr, "simulator, %d step%s a frame, velocities %s: %.4f m from the scenes kept apart\n",
                  step.steps, step.steps == 1 ? "" : "s",
                  step.velocity == mean ? "of the frame before" : "instant", error);
@@ -74,27 +77,49 @@ void print(const std::vector<Row>& rows, bool json) {
                 row.rotation, row.us_per_frame);
 }
 
+/// The scenes to train on. Error where nothing can be learned from them.
+TrajectorySet read_training_scenes(const std::filesystem::path& folder, int most) {
+  TrajectorySet train = read_trajectories(folder);
+  if (most > 0) train = train.subset(0, most);
+  const std::string name = folder.string();
+  if (contacts::horizons(train).empty()) detail::refuse(name, "scenes of at least 6 frames", "shorter ones");
+  if (train.size() < 2) detail::refuse(name, "at least 2 scenes", train.size());
+  return train;
+}
+
 void run(const Options& options) {
+  const contacts::Deadline deadline(options.minutes);
   const std::filesystem::path folder = options.folder;
-  TrajectorySet train = read_trajectories(folder / "train");
-  if (options.scenes > 0) train = train.subset(0, options.scenes);
-  if (contacts::horizons(train).empty())
-    detail::refuse((folder / "train").string(), "scenes of at least 6 frames", "shorter ones");
+  const TrajectorySet train = read_training_scenes(folder / "train", options.scenes);
+  // Models are chosen by one scene in ten, the last.
+  const int apart = std::max(1, train.size() / 10);
+  const TrajectorySet fit = train.subset(0, train.size() - apart), choose = train.subset(fit.size(), apart);
+  detail::naming([&] { return (folder / "train").string() + ", "; },
+                 [&] { return untrained_law<contacts::Law>(fit, options.seed); });
 
-  // It is opened after training; that it is not there is said before.
-  if (!std::filesystem::exists(folder / "test" / "world.json"))
-    detail::refuse((folder / "test").string(), "a trajectory set", "none");
+  // Its scenes are read after training; that it does not fit is said before.
+  const double frame_time = read_frame_time(folder / "test");
+  if (std::abs(frame_time - train.frame_time()) > 1e-9 * train.frame_time())
+    detail::refuse((folder / "test").string() + ", frame time",
+                   detail::text(train.frame_time(), " s, as in train"), frame_time);
+  std::optional<AtomicFile> model;
+  if (!options.model.empty()) model.emplace(options.model);
 
-  const Identification world = identify_world(train);
+  const Identification world = identify_world(fit, choose);
   say("spring-damper");
   const SpringDamper spring = fit_spring_damper(train, 50, 10'000);
   std::fprintf(stderr, "  stiffness %.4g / s^2, damping %.4g / s, friction %.3f\n", spring.stiffness,
                spring.damping, spring.friction);
+  say("learned law");
+  const contacts::Law law = contacts::learn_law(fit, choose, options.seed, deadline);
+  std::fprintf(stderr, "  %.4f m from the scenes kept apart\n",
+               error_of(choose, [&](const Trajectory& s) { return ContactLawSimulator(choose, s, law); }));
+  if (model) {
+    save(*model, law);
+    model->commit();
+  }
 
   const TrajectorySet test = read_trajectories(folder / "test");
-  if (std::abs(test.frame_time() - train.frame_time()) > 1e-9 * train.frame_time())
-    detail::refuse((folder / "test").string() + ", frame time",
-                   detail::text(train.frame_time(), " s, as in train"), test.frame_time());
   if (contacts::horizons(test).empty())
     detail::refuse((folder / "test").string(), "scenes of at least 6 frames", "shorter ones");
   std::vector<Row> rows;
@@ -111,6 +136,7 @@ void run(const Options& options) {
   add("fitted simulator",
       [&](const Trajectory& s) { return SceneSimulator(test, s, world.numbers(), world.step); });
   add("fitted spring-damper", [&](const Trajectory& s) { return SpringDamperSimulator(test, s, spring); });
+  add("learned law", [&](const Trajectory& s) { return ContactLawSimulator(test, s, law); });
   print(rows, options.json);
 }
 
@@ -119,13 +145,17 @@ void run(const Options& options) {
 int main(int argc, char** argv) {
   Options options;
   CLI::App app{
-      "Fits a simulator and a spring-damper law to FOLDER/train and prints how far each is from the scenes "
-      "of\n"
-      "FOLDER/test: mean distance and angle over scenes and bodies. <rbres/io/trajectories.hpp> says what "
-      "the "
-      "folders hold."};
+      "Fits a simulator and a spring-damper law to FOLDER/train, learns a contact law from it, and prints "
+      "how "
+      "far each is from the scenes of FOLDER/test: mean distance and angle over scenes and bodies. "
+      "<rbres/io/trajectories.hpp> says what the folders hold."};
   app.add_option("FOLDER", options.folder, "holds train/ and test/")->required();
   app.add_option("--scenes", options.scenes, "train on the first N scenes")->check(CLI::PositiveNumber);
+  app.add_option("--seed", options.seed, "of the learned law")->capture_default_str();
+  app.add_option("--minutes", options.minutes, "for all; what fits leave is for the learned law")
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
+  app.add_option("--model", options.model, "save the learned law to this file");
   app.add_flag("--json", options.json, "print a JSON array instead of the table");
   return run_program("rbres_contacts", app, argc, argv, [&] { run(options); });
 }

@@ -1,8 +1,12 @@
 // rbres_contacts as a program: what it prints, and what it refuses.
+#include <cstring>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include <rbres/core/philox.hpp>
+#include <rbres/io/contact_law.hpp>
 #include <rbres/io/trajectories.hpp>
+#include <rbres/learn/contact_law_simulator.hpp>
 #include <rbres/learn/spring_damper.hpp>
 
 #include "program_support.hpp"
@@ -40,15 +44,16 @@ TEST_CASE("a row for each predictor and horizon") {
   const TemporaryFolder folder;
   write_trajectories(folder / "set/train", throws(10, 30, 1));
   write_trajectories(folder / "set/test", throws(4, 30, 2));
-  const Outcome outcome = run(folder, RBRES_CONTACTS, "set --json");
+  const Outcome outcome =
+      run(folder, RBRES_CONTACTS, "set --json --minutes 0.08 --seed 3 --model law.safetensors");
   CAPTURE(outcome.err);
   REQUIRE(outcome.status == 0);
   const auto rows = nlohmann::json::parse(outcome.out, nullptr, false);
   REQUIRE(rows.is_array());
-  REQUIRE(rows.size() == 9);
-  const char* names[] = {"contact-free flow", "fitted simulator", "fitted spring-damper"};
+  REQUIRE(rows.size() == 12);
+  const char* names[] = {"contact-free flow", "fitted simulator", "fitted spring-damper", "learned law"};
   const double ahead[] = {0.05, 0.1, 0.25};
-  for (std::size_t k = 0; k < 9; ++k) {
+  for (std::size_t k = 0; k < 12; ++k) {
     CHECK(rows[k].size() == 5);
     CHECK(rows[k].at("predictor") == names[k / 3]);
     CHECK(rows[k].at("seconds_ahead").get<double>() == doctest::Approx(ahead[k % 3]));
@@ -59,6 +64,22 @@ TEST_CASE("a row for each predictor and horizon") {
   CHECK(error(0) > 0.3);              // what falls through the floor is far below it
   CHECK(error(1) < 0.1 * error(0));   // a bounce without depth is nearer
   CHECK(error(2) < 0.01 * error(0));  // the law that made them is found
+  CHECK(error(3) < 0.3 * error(0));   // a moment's learning knows that there is a floor
+  CHECK(contains(outcome.err, "training loss"));
+  CHECK(contains(outcome.err, "left"));
+
+  // The law that is saved is the one that was measured.
+  const auto law = load<ContactLaw<>>(folder / "law.safetensors");
+  CHECK(law.scales.frame_time == 0.01);
+  const TrajectorySet test = read_trajectories(folder / "set/test");
+  double sum = 0;
+  for (const Trajectory& scene : test) {
+    ContactLawSimulator step(test, scene, law);
+    SceneState state{{scene.state(0, 0)}};
+    for (int t = 0; t < 25; ++t) step(state);
+    sum += norm(state[0].position - scene.state(25, 0).position);
+  }
+  CHECK(sum / test.size() == doctest::Approx(error(3)).epsilon(1e-4));
 }
 
 TEST_CASE("folders that do not fit are refused on one line") {
@@ -69,12 +90,28 @@ TEST_CASE("folders that do not fit are refused on one line") {
   CHECK(contains(refusal(folder, RBRES_CONTACTS, "set --scenes 11"),
                  "expected some within 10, found 11 from 0"));
   write_trajectories(folder / "set/test", throws(2, 8, 2, 0.02));
-  // The test set is opened after training, which has said how far it is.
-  const Outcome other = run(folder, RBRES_CONTACTS, "set");
-  CHECK(other.status == 2);
-  CHECK(other.out == "");
-  CHECK(contains(other.err,
-                 "\nrbres_contacts: set/test, frame time: expected 0.01 s, as in train, found 0.02\n"));
+  CHECK(contains(refusal(folder, RBRES_CONTACTS, "set"),
+                 "set/test, frame time: expected 0.01 s, as in train, found 0.02\n"));
   write_trajectories(folder / "short/train", throws(10, 4, 1));
   CHECK(contains(refusal(folder, RBRES_CONTACTS, "short"), "expected scenes of at least 6 frames"));
+  CHECK(contains(refusal(folder, RBRES_CONTACTS, "set --scenes 1"),
+                 "set/train: expected at least 2 scenes, found 1"));
+  CHECK(contains(refusal(folder, RBRES_CONTACTS, "set --minutes 0"), "--minutes"));
+  // Balls that nothing stops.
+  const TrajectorySet thrown = throws(4, 8, 1);
+  write_trajectories(folder / "apart/train", {0.01, thrown.gravity(), {}, {thrown.begin(), thrown.end()}});
+  CHECK(contains(refusal(folder, RBRES_CONTACTS, "apart"),
+                 "apart/train, contacts of a trajectory set: expected at least one, found none"));
+  // One number that is none.
+  write_trajectories(folder / "broken/train", throws(4, 8, 1));
+  std::string bytes = read_bytes(folder / "broken/train/states.npy");
+  const double none = std::numeric_limits<double>::quiet_NaN();
+  std::memcpy(bytes.data() + bytes.size() - sizeof none, &none, sizeof none);
+  write_bytes(folder / "broken/train/states.npy", bytes);
+  CHECK(contains(refusal(folder, RBRES_CONTACTS, "broken"), "broken/train, scene 3, frame 8, body 0, "));
+  // Where the law could not be saved, nothing is learned.
+  write_trajectories(folder / "good/train", throws(4, 8, 1));
+  write_trajectories(folder / "good/test", throws(2, 8, 2));
+  CHECK(
+      contains(refusal(folder, RBRES_CONTACTS, "good --model none/law.safetensors"), "none/law.safetensors"));
 }

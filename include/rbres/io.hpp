@@ -17,6 +17,7 @@
 #include <rbres/io/atomic_file.hpp>
 #include <rbres/io/checkpoint.hpp>
 #include <rbres/io/contact_law.hpp>
+#include <rbres/io/contact_training.hpp>
 #include <rbres/io/dataset.hpp>
 #include <rbres/io/digest.hpp>
 #include <rbres/io/export_header.hpp>

@@ -2,6 +2,7 @@
 
 #include <string>
 #include <string_view>
+#include <tuple>
 #include <vector>
 
 #include <rbres/core/error.hpp>
@@ -66,6 +67,11 @@ struct LayerName<Sequential<Layers...>> {
 template <class... Layers>
 struct LayerName<Residual<Layers...>> {
   static std::string text(LayerText how) { return layer_list<Layers...>("rbres::Residual", how); }
+};
+/// Of networks that share a block of parameters.
+template <class... Parts>
+struct LayerName<std::tuple<Parts...>> {
+  static std::string text(LayerText how) { return layer_list<Parts...>("std::tuple", how); }
 };
 
 }  // namespace rbres::detail

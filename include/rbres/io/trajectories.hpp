@@ -212,6 +212,12 @@ inline Eigen::Vector3d size_of(const Body<double>& body) {
 
 }  // namespace detail
 
+/// The time between frames of a folder of trajectories, s, of which nothing else is read.
+inline double read_frame_time(const std::filesystem::path& folder) {
+  const std::string path = (folder / "world.json").string();
+  return detail::number_at(detail::read_json(path), "frame_time", path);
+}
+
 /// Reads a folder of trajectories. Where files are missing or truncated, do not fit together, or hold what no
 /// world can (see Trajectory and TrajectorySet), throws an Error that names the place.
 inline TrajectorySet read_trajectories(const std::filesystem::path& folder) {

@@ -5,9 +5,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <concepts>
 #include <functional>
+#include <memory>
 #include <numbers>
-#include <optional>
+#include <utility>
 #include <vector>
 
 namespace rbres {
@@ -130,48 +132,109 @@ Law untrained_law(const TrajectorySet& set, std::uint64_t seed) {
 }
 
 /// Learns how the bodies of a set collide: rollouts of growing length from the truth, by Adam. `validation`
-/// holds scenes of the same world that are not learned from and decide which weights are the best. Throws
-/// Error where the sets or options make no sense.
+/// holds scenes of the same world that are not learned from and decide which weights are the best. Between
+/// two epochs all that is learned stands in the trainer of the stage, so that a run can be interrupted
+/// anywhere, also by a callback that throws, and saved (io/contact_training.hpp).
+template <class Law>
+class ContactTraining {
+ public:
+  using StageTrainer = Trainer<typename Law::Network, Clipped<Adam>, Rollouts<Law>>;
+
+  /// Both sets must outlive it. Throws Error where the sets or options make no sense.
+  ContactTraining(const TrajectorySet& train, const TrajectorySet& validation,
+                  const ContactLearning& options = {})
+      : options_(options), train_(&train), validation_(&validation) {
+    options_.check();
+    law_ = untrained_law<Law>(train, options_.seed);
+    double work = 0;
+    for (const auto& stage : options_.stages) {
+      const auto windows = Rollouts<Law>(law_, train, stage.frames, stage.stride, options_.loss).count();
+      work += static_cast<double>(windows) * stage.frames * stage.epochs;
+      work_done_.push_back(work);
+    }
+    for (double& done : work_done_) done /= work;
+    trainer_ = trainer_of(0, law_.network);
+  }
+
+  ContactTraining(const TrajectorySet&&, const TrajectorySet&, const ContactLearning& = {}) = delete;
+  ContactTraining(const TrajectorySet&, const TrajectorySet&&, const ContactLearning& = {}) = delete;
+
+  int stages() const { return static_cast<int>(options_.stages.size()); }
+  int stage() const { return stage_; }  ///< the one that runs: 0, 1, ...
+  const StageTrainer& trainer() const { return *trainer_; }
+
+  /// The law with the best weights so far.
+  Law law() const {
+    Law law = law_;
+    law.network = trainer_->best();
+    return law;
+  }
+
+  /// Epochs until all stages are done (true) or the callback returns false, after which a second call goes
+  /// on.
+  bool train(const ContactLearningCallback& callback = {}) {
+    for (;;) {
+      trainer_->train([&](const EpochReport& epoch) { return !callback || callback(report(epoch)); });
+      if (trainer_->state().progress.status == TrainingStatus::stopped) return false;
+      if (stage_ + 1 == stages()) return true;
+      trainer_ = trainer_of(stage_ + 1, trainer_->best());
+      ++stage_;
+    }
+  }
+
+  /// Goes on from a state that the trainer of this stage had: restore(trainer) puts it there. Where it
+  /// throws, nothing has changed; Error for a stage that there is none of.
+  template <std::invocable<StageTrainer&> Restore>
+  void restore(int stage, const Restore& restore) {
+    if (stage < 0 || stage >= stages())
+      detail::refuse("ContactTraining: stage", detail::text("0 to ", stages() - 1), stage);
+    auto trainer = trainer_of(stage, law_.network);
+    restore(*trainer);
+    trainer_ = std::move(trainer);
+    stage_ = stage;
+  }
+
+ private:
+  std::unique_ptr<StageTrainer> trainer_of(int number, const typename Law::Network& network) const {
+    const auto& stage = options_.stages[static_cast<std::size_t>(number)];
+    auto trainer = std::make_unique<StageTrainer>(
+        network, Rollouts<Law>(law_, *train_, stage.frames, stage.stride, options_.loss),
+        Rollouts<Law>(law_, *validation_, stage.frames, 2 * stage.frames, options_.loss),
+        TrainingOptions{.epochs = stage.epochs,
+                        .batch_size = stage.batch_size,
+                        .l2 = 0,
+                        .dropout = 0,
+                        .patience = 0,
+                        .seed = options_.seed + static_cast<std::uint64_t>(number),
+                        .threads = options_.threads},
+        Clipped<Adam>{{}, options_.largest_gradient});
+    trainer->set_schedule(
+        WarmUp{detail::StageSchedule{options_.learning_rate, begin(number), begin(number + 1)}, 100});
+    return trainer;
+  }
+  /// The share of all work that is done when a stage begins.
+  double begin(int stage) const { return stage > 0 ? work_done_[static_cast<std::size_t>(stage - 1)] : 0; }
+  ContactLearningReport report(const EpochReport& epoch) const {
+    const double own = begin(stage_ + 1) - begin(stage_);
+    return {stage_, epoch, begin(stage_) + own * static_cast<double>(epoch.epoch) / epoch.epochs};
+  }
+
+  ContactLearning options_;
+  const TrajectorySet *train_, *validation_;
+  Law law_;                        ///< before it learns
+  std::vector<double> work_done_;  ///< at the end of each stage, as a share of all
+  int stage_ = 0;
+  std::unique_ptr<StageTrainer> trainer_;
+};
+
+/// The law that a ContactTraining of these arguments comes to, or has come to when the callback returns
+/// false.
 template <class Law>
 Law learn_contacts(const TrajectorySet& train, const TrajectorySet& validation,
                    const ContactLearning& options = {}, const ContactLearningCallback& callback = {}) {
-  options.check();
-  Law law = untrained_law<Law>(train, options.seed);
-  using Objective = Rollouts<Law>;
-  using Optimizer = Clipped<Adam>;
-
-  std::vector<Objective> rollouts;
-  double work = 0;
-  for (const auto& stage : options.stages) {
-    rollouts.emplace_back(law, train, stage.frames, stage.stride, options.loss);
-    work += static_cast<double>(rollouts.back().count()) * stage.frames * stage.epochs;
-  }
-  double done = 0;
-  for (std::size_t s = 0; s < options.stages.size(); ++s) {
-    const auto& stage = options.stages[s];
-    const double own = static_cast<double>(rollouts[s].count()) * stage.frames * stage.epochs / work;
-    Trainer<typename Law::Network, Optimizer, Objective> trainer(
-        law.network, rollouts[s], Objective(law, validation, stage.frames, 2 * stage.frames, options.loss),
-        {.epochs = stage.epochs,
-         .batch_size = stage.batch_size,
-         .l2 = 0,
-         .dropout = 0,
-         .patience = 0,
-         .seed = options.seed + s,
-         .threads = options.threads},
-        Optimizer{{}, options.largest_gradient});
-    trainer.set_schedule(WarmUp{detail::StageSchedule{options.learning_rate, done, done + own}, 100});
-    bool stopped = false;
-    trainer.train([&](const EpochReport& epoch) {
-      const double share = done + own * static_cast<double>(epoch.epoch) / stage.epochs;
-      stopped = callback && !callback({static_cast<int>(s), epoch, share});
-      return !stopped;
-    });
-    law.network = trainer.best();
-    done += own;
-    if (stopped) break;
-  }
-  return law;
+  ContactTraining<Law> training(train, validation, options);
+  training.train(callback);
+  return training.law();
 }
 
 }  // namespace rbres

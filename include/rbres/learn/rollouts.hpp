@@ -50,7 +50,8 @@ class Rollouts {
 
   Scratch scratch() const { return {}; }
   std::ptrdiff_t count() const { return std::ssize(windows_); }
-  std::ptrdiff_t chunk() const { return 16; }
+  /// Fewer long rollouts, of which a step takes few: so that several threads have some.
+  std::ptrdiff_t chunk() const { return frames_ < 8 ? 16 : 4; }
 
   double value(const Net& network, Items items, Scratch& own) const {
     begin(items, own);
@@ -91,6 +92,15 @@ class Rollouts {
     for (const Window& w : windows_) digest.add(static_cast<std::uint64_t>(w.scene) << 32 | index(w.start));
     for (const Trajectory& scene : *set_)
       for (int t = 0; t < scene.frames(); ++t) digest.add(scene.frame(t).data(), scene.frame(t).size());
+    digest.add(&set_->gravity(), 1);
+    digest.add(set_->planes().data(), set_->planes().size());
+    for (const System<double, 1>& alone : alone_) {
+      const Body<double>& body = alone[0];
+      // Shapes with these moments and this radius are alike.
+      digest.add(&body.inertia(), 1);
+      digest.add(&body.material(), 1);
+      for (const double x : {body.mass(), body.bounding_radius()}) digest.add(&x, 1);
+    }
     return digest.value();
   }
 

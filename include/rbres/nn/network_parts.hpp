@@ -43,9 +43,10 @@ template <std::floating_point T, class... Layers>
 class NetworkParts {
  public:
   using Scalar = T;
+  using Architecture = std::tuple<Layers...>;
   static constexpr int part_count = sizeof...(Layers);
   template <int I>
-  using Part = Network<T, std::tuple_element_t<static_cast<std::size_t>(I), std::tuple<Layers...>>>;
+  using Part = Network<T, std::tuple_element_t<static_cast<std::size_t>(I), Architecture>>;
 
   /// Where part i begins in the block; that of part_count is the size of the whole.
   static constexpr std::size_t offset(int i) {

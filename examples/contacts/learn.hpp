@@ -1,0 +1,114 @@
+// Learning a contact law in the time that is left.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <rbres/learn/contact_law_simulator.hpp>
+#include <rbres/learn/learn_contacts.hpp>
+#include <vector>
+
+#include "../common/progress.hpp"
+#include "score.hpp"
+
+namespace rbres::contacts {
+
+using Law = ContactLaw<>;
+
+/// When all must be done.
+class Deadline {
+ public:
+  explicit Deadline(double minutes) : end_(Clock::now() + std::chrono::duration<double>(60 * minutes)) {}
+  double seconds_left() const { return std::chrono::duration<double>(end_ - Clock::now()).count(); }
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  std::chrono::time_point<Clock, std::chrono::duration<double>> end_;
+};
+
+/// Rollouts of a set that have so many frames and begin so many apart.
+inline long count_rollouts(const TrajectorySet& set, int frames, int stride) {
+  long count = 0;
+  for (const Trajectory& scene : set) count += (std::max(0, scene.frames() - frames) + stride - 1) / stride;
+  return count;
+}
+
+inline int longest_rollout(const TrajectorySet& set) {
+  int longest = 0;
+  for (const Trajectory& scene : set) longest = std::max(longest, scene.frames() - 1);
+  return longest;
+}
+
+/// Stages whose rollouts have about `most_frames` frames in all.
+inline std::vector<ContactLearning::Stage> stages_of(const TrajectorySet& fit, const TrajectorySet& choose,
+                                                     double most_frames) {
+  struct Kind {
+    int frames, stride, batch_size;
+    double share;  ///< of all frames
+  };
+  constexpr std::array kinds{Kind{1, 1, 256, 0.1}, Kind{4, 2, 64, 0.2}, Kind{16, 8, 16, 0.4},
+                             Kind{32, 16, 16, 0.3}};
+  const int longest = std::min(longest_rollout(fit), longest_rollout(choose));
+  std::vector<ContactLearning::Stage> stages;
+  for (const Kind& kind : kinds) {
+    if (kind.frames > longest) break;
+    const double wanted = kind.share * most_frames / kind.frames;  // rollouts
+    // Where one pass is too much, it leaves out some.
+    const double all = static_cast<double>(count_rollouts(fit, kind.frames, kind.stride));
+    const double thinned = std::clamp(kind.stride * all / wanted, 1.0 * kind.stride, 1.0 * longest);
+    const int stride = static_cast<int>(thinned);
+    const double pass = static_cast<double>(count_rollouts(fit, kind.frames, stride));
+    stages.push_back(
+        {kind.frames, stride, static_cast<int>(std::max(1.0, std::round(wanted / pass))), kind.batch_size});
+  }
+  return stages;
+}
+
+/// How long learning takes for a frame of a scene, s: measured for a moment.
+inline double seconds_per_frame(const TrajectorySet& fit, const ContactLearning& options, double moment) {
+  ContactLearning brief = options;
+  const int stride = static_cast<int>(std::max(1L, count_rollouts(fit, 1, 1) / 2000));
+  brief.stages = {{1, stride, 1000, 256}};
+  const TrajectorySet one = fit.subset(0, 1);
+  ContactTraining<Law> training(fit, one, brief);
+  const Deadline end(moment / 60);
+  double epochs = 0;
+  training.train([&](const ContactLearningReport& report) {
+    epochs = static_cast<double>(report.epoch.epoch);
+    return end.seconds_left() > 0;
+  });
+  return (moment - end.seconds_left()) / (epochs * static_cast<double>(count_rollouts(fit, 1, stride)));
+}
+
+/// Learns from `fit`, with the weights that are best for `choose`, until a little before the deadline.
+inline Law learn_law(const TrajectorySet& fit, const TrajectorySet& choose, std::uint64_t seed,
+                     const Deadline& deadline) {
+  ContactLearning options{.seed = seed};
+  // A bit is for what is slower than expected, and for the predictions that follow.
+  const double time = 0.9 * deadline.seconds_left();
+  const double each = seconds_per_frame(fit, options, std::clamp(0.02 * time, 0.05, 2.0));
+  options.stages = stages_of(fit, choose, 0.97 * time / each);
+  const Deadline end(deadline.seconds_left() * 0.97 / 60);
+  const double start = end.seconds_left();
+  double before = start;
+  ContactTraining<Law> training(fit, choose, options);
+  const bool all = training.train([&](const ContactLearningReport& report) {
+    const double left = end.seconds_left(), epoch = before - left;
+    before = left;
+    const double to_go = std::min(left, (start - left) * (1 / report.share_done - 1));
+    std::fprintf(
+        stderr,
+        "\r  rollouts of %2d frames, epoch %d of %d   training loss %.4f   validation loss %.4f   %s "
+        "left ",
+        options.stages[static_cast<std::size_t>(report.stage)].frames, static_cast<int>(report.epoch.epoch),
+        report.epoch.epochs, report.epoch.train_loss, report.epoch.validation_loss,
+        clock_text(to_go).c_str());
+    return left > epoch;
+  });
+  std::fprintf(stderr, "\n");
+  if (!all) std::fprintf(stderr, "  the time was up before all epochs were done\n");
+  return training.law();
+}
+
+}  // namespace rbres::contacts
