@@ -45,7 +45,7 @@ TEST_CASE("a row for each predictor and horizon") {
   write_trajectories(folder / "set/train", throws(10, 30, 1));
   write_trajectories(folder / "set/test", throws(4, 30, 2));
   const Outcome outcome =
-      run(folder, RBRES_CONTACTS, "set --json --minutes 0.08 --seed 3 --model law.safetensors");
+      run(folder, RBRES_CONTACTS, "set --json --minutes 3 --seed 3 --model law.safetensors");
   CAPTURE(outcome.err);
   REQUIRE(outcome.status == 0);
   const auto rows = nlohmann::json::parse(outcome.out, nullptr, false);

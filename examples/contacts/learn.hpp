@@ -40,7 +40,7 @@ inline int longest_rollout(const TrajectorySet& set) {
   return longest;
 }
 
-/// Stages whose rollouts have about `most_frames` frames in all.
+/// Stages whose rollouts have `most_frames` frames in all, or as many as they can learn from.
 inline std::vector<ContactLearning::Stage> stages_of(const TrajectorySet& fit, const TrajectorySet& choose,
                                                      double most_frames) {
   struct Kind {
@@ -49,18 +49,19 @@ inline std::vector<ContactLearning::Stage> stages_of(const TrajectorySet& fit, c
   };
   constexpr std::array kinds{Kind{1, 1, 256, 0.1}, Kind{4, 2, 64, 0.2}, Kind{16, 8, 16, 0.4},
                              Kind{32, 16, 16, 0.3}};
+  constexpr double most_epochs = 300;  // of a stage: more of them learn small sets by heart
   const int longest = std::min(longest_rollout(fit), longest_rollout(choose));
   std::vector<ContactLearning::Stage> stages;
   for (const Kind& kind : kinds) {
     if (kind.frames > longest) break;
-    const double wanted = kind.share * most_frames / kind.frames;  // rollouts
+    const double wanted = std::max(1.0, kind.share * most_frames / kind.frames);  // rollouts
     // Where one pass is too much, it leaves out some.
     const double all = static_cast<double>(count_rollouts(fit, kind.frames, kind.stride));
-    const double thinned = std::clamp(kind.stride * all / wanted, 1.0 * kind.stride, 1.0 * longest);
-    const int stride = static_cast<int>(thinned);
+    const int stride = static_cast<int>(
+        std::clamp(kind.stride * all / wanted, 1.0 * kind.stride, 1.0 * std::max(kind.stride, longest)));
     const double pass = static_cast<double>(count_rollouts(fit, kind.frames, stride));
-    stages.push_back(
-        {kind.frames, stride, static_cast<int>(std::max(1.0, std::round(wanted / pass))), kind.batch_size});
+    const double epochs = std::clamp(std::round(wanted / pass), 1.0, most_epochs);
+    stages.push_back({kind.frames, stride, static_cast<int>(epochs), kind.batch_size});
   }
   return stages;
 }
@@ -86,10 +87,9 @@ inline Law learn_law(const TrajectorySet& fit, const TrajectorySet& choose, std:
                      const Deadline& deadline) {
   ContactLearning options{.seed = seed};
   // A bit is for what is slower than expected, and for the predictions that follow.
-  const double time = 0.9 * deadline.seconds_left();
-  const double each = seconds_per_frame(fit, options, std::clamp(0.02 * time, 0.05, 2.0));
-  options.stages = stages_of(fit, choose, 0.97 * time / each);
-  const Deadline end(deadline.seconds_left() * 0.97 / 60);
+  const Deadline end(0.97 * deadline.seconds_left() / 60);
+  const double each = seconds_per_frame(fit, options, std::clamp(0.02 * end.seconds_left(), 0.05, 2.0));
+  options.stages = stages_of(fit, choose, 0.9 * end.seconds_left() / each);
   const double start = end.seconds_left();
   double before = start;
   ContactTraining<Law> training(fit, choose, options);
@@ -103,7 +103,7 @@ inline Law learn_law(const TrajectorySet& fit, const TrajectorySet& choose, std:
         "left ",
         options.stages[static_cast<std::size_t>(report.stage)].frames, static_cast<int>(report.epoch.epoch),
         report.epoch.epochs, report.epoch.train_loss, report.epoch.validation_loss,
-        clock_text(to_go).c_str());
+        clock_text(std::max(0.0, to_go)).c_str());
     return left > epoch;
   });
   std::fprintf(stderr, "\n");
