@@ -12,7 +12,7 @@
 namespace {
 
 using namespace rbres;
-using contacts::Row;
+using contacts_program::Row;
 
 struct Options {
   std::string folder, model;
@@ -28,7 +28,7 @@ void say(const char* what) { std::fprintf(stderr, "%s\n", what); }
 template <class Make>
 double error_of(const TrajectorySet& set, const Make& make) {
   int failed = 0;
-  return contacts::mean_position(contacts::score("", set, make, failed));
+  return contacts_program::mean_position(contacts_program::score("", set, make, failed));
 }
 
 /// How a scene is stepped: fitted with each, that which is closest to the scenes kept apart.
@@ -82,20 +82,21 @@ TrajectorySet read_training_scenes(const std::filesystem::path& folder, int most
   TrajectorySet train = read_trajectories(folder);
   if (most > 0) train = train.subset(0, most);
   const std::string name = folder.string();
-  if (contacts::horizons(train).empty()) detail::refuse(name, "scenes of at least 6 frames", "shorter ones");
+  if (contacts_program::horizons(train).empty())
+    detail::refuse(name, "scenes of at least 6 frames", "shorter ones");
   if (train.size() < 2) detail::refuse(name, "at least 2 scenes", train.size());
   return train;
 }
 
 void run(const Options& options) {
-  const contacts::Deadline deadline(options.minutes);
+  const contacts_program::Deadline deadline(options.minutes);
   const std::filesystem::path folder = options.folder;
   const TrajectorySet train = read_training_scenes(folder / "train", options.scenes);
   // Models are chosen by one scene in ten, the last.
   const int apart = std::max(1, train.size() / 10);
   const TrajectorySet fit = train.subset(0, train.size() - apart), choose = train.subset(fit.size(), apart);
   detail::naming([&] { return (folder / "train").string() + ", "; },
-                 [&] { return untrained_law<contacts::Law>(fit, options.seed); });
+                 [&] { return untrained_law<contacts_program::Law>(fit, options.seed); });
 
   // Its scenes are read after training; that it does not fit is said before.
   const double frame_time = read_frame_time(folder / "test");
@@ -111,7 +112,7 @@ void run(const Options& options) {
   std::fprintf(stderr, "  stiffness %.4g / s^2, damping %.4g / s, friction %.3f\n", spring.stiffness,
                spring.damping, spring.friction);
   say("learned law");
-  const contacts::Law law = contacts::learn_law(fit, choose, options.seed, deadline);
+  const contacts_program::Law law = contacts_program::learn_law(fit, choose, options.seed, deadline);
   std::fprintf(stderr, "  %.4f m from the scenes kept apart\n",
                error_of(choose, [&](const Trajectory& s) { return ContactLawSimulator(choose, s, law); }));
   if (model) {
@@ -120,19 +121,19 @@ void run(const Options& options) {
   }
 
   const TrajectorySet test = read_trajectories(folder / "test");
-  if (contacts::horizons(test).empty())
+  if (contacts_program::horizons(test).empty())
     detail::refuse((folder / "test").string(), "scenes of at least 6 frames", "shorter ones");
   std::vector<Row> rows;
   const auto add = [&](const char* name, const auto& make) {
     int failed = 0;
-    const auto own = contacts::score(name, test, make, failed);
+    const auto own = contacts_program::score(name, test, make, failed);
     rows.insert(rows.end(), own.begin(), own.end());
     if (failed > 0) {
       std::fprintf(stderr, "%s: %d of %d scenes refused or diverged, counted as the contact-free flow\n",
                    name, failed, test.size());
     }
   };
-  add("contact-free flow", [&](const Trajectory& s) { return contacts::FreeFlight(test, s); });
+  add("contact-free flow", [&](const Trajectory& s) { return contacts_program::FreeFlight(test, s); });
   add("fitted simulator",
       [&](const Trajectory& s) { return SceneSimulator(test, s, world.numbers(), world.step); });
   add("fitted spring-damper", [&](const Trajectory& s) { return SpringDamperSimulator(test, s, spring); });

@@ -12,7 +12,7 @@
 #include "../common/progress.hpp"
 #include "score.hpp"
 
-namespace rbres::contacts {
+namespace rbres::contacts_program {
 
 using Law = ContactLaw<>;
 
@@ -111,4 +111,4 @@ inline Law learn_law(const TrajectorySet& fit, const TrajectorySet& choose, std:
   return training.law();
 }
 
-}  // namespace rbres::contacts
+}  // namespace rbres::contacts_program

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace rbres::contacts {
+namespace rbres::contacts_program {
 
 /// Free flight: contacts do nothing.
 class FreeFlight {
@@ -119,4 +119,4 @@ inline double mean_position(const std::vector<Row>& rows) {
   return sum / static_cast<double>(rows.size());
 }
 
-}  // namespace rbres::contacts
+}  // namespace rbres::contacts_program
