@@ -32,7 +32,7 @@ struct ContactPair {
   using PlanePair = PlaneManifold<S, typename System::Shape>;
   static constexpr std::size_t points = std::max(BodyPair::points, PlanePair::points);
   static constexpr bool central = BodyPair::central && PlanePair::central;
-  using Motions = std::array<Motion<S>, System::bodies>;
+  using Motions = MotionsOf<System>;
 
   using Contact = Manifold<S, int(points), central>;
 

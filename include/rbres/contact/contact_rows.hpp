@@ -46,16 +46,17 @@ class ContactRows {
     tolerance_ = S(std::numeric_limits<typename Constants<S>::Real>::max());
   }
 
-  /// Takes up point i of a pair where `active`, to leave at `target` (m/s) at least.
-  Row& add(const Pair& pair, std::size_t i, const MaskOf<S>& active, const S& target, const S& friction,
-           Motions& motion) {
+  /// Takes up point i of a pair that touches as `contact` says, where `active`, to leave at `target` (m/s) at
+  /// least.
+  Row& add(const Pair& pair, const typename Pair::Contact& contact, std::size_t i, const MaskOf<S>& active,
+           const S& target, const S& friction, Motions& motion) {
     Row& row = rows_.emplace_back();
     row.who = pair.who;
     row.point = i;
     row.active = active;
     row.target = target;
     row.friction = friction;
-    const Vec3<S>&normal = pair.manifold.normal, &point = pair.manifold.point[i];
+    const Vec3<S>&normal = contact.normal, &point = contact.point[i];
     Motion<S>& second = motion[static_cast<std::size_t>(pair.who.second)];
     if (pair.plane()) {
       row.at.template emplace<FixedPoint>(normal, point, second, second);

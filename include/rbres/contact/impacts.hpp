@@ -176,7 +176,7 @@ class Impacts {
         info.active = pair.touching[i] & h.joins & slow & together;
         info.approaches = speed <= S(0);
         info.target = select(bounces, S(-h.surface.restitution * speed), S(0));
-        rows_.add(pair, i, info.active, info.target, h.surface.friction, motion);
+        rows_.add(pair, pair.manifold, i, info.active, info.target, h.surface.friction, motion);
       }
     }
     IslandImpact impact{rows_, info_, motion, S(0)};

@@ -27,6 +27,37 @@ void set_velocities(RigidState<S>& state, const Motion<S>& motion) {
   state.angular_velocity = rotate_back(state.orientation, motion.angular_velocity);
 }
 
+namespace detail {
+
+/// Writes velocities back where `changed`; other lanes keep their bits.
+template <class S>
+void set_velocities_where(const MaskOf<S>& changed, RigidState<S>& state, const Motion<S>& motion) {
+  RigidState<S> next = state;
+  set_velocities(next, motion);
+  state.velocity = select(changed, next.velocity, state.velocity);
+  state.angular_velocity = select(changed, next.angular_velocity, state.angular_velocity);
+}
+
+/// The motions of all bodies of a system.
+template <class System>
+using MotionsOf = std::array<Motion<typename System::Scalar>, System::bodies>;
+
+template <class System>
+MotionsOf<System> motions_of(const System& system, const typename System::State& y) {
+  MotionsOf<System> m;
+  for (int i = 0; i < System::bodies; ++i) m[static_cast<std::size_t>(i)] = motion_of(system[i], y[i]);
+  return m;
+}
+/// A state with the velocities of `motion` in the bodies and lanes that are changed(i).
+template <class State, class Motions, class Changed>
+State with_velocities(State y, const Motions& motion, const Changed& changed) {
+  for (int i = 0; i < State::bodies; ++i)
+    set_velocities_where(changed(i), y[i], motion[static_cast<std::size_t>(i)]);
+  return y;
+}
+
+}  // namespace detail
+
 /// One point of contact between two bodies, or between a plane (first) and a body: its three directions, what
 /// a unit impulse along each does, and the impulse so far. Velocities are v_r = v_2 + w_2 x r_2 - v_1 - w_1 x
 /// r_1 (the paper's equation 5), impulses +p on the second body and -p on the first. `Central` as in

@@ -16,15 +16,6 @@ struct ContactTally {
 
 namespace detail {
 
-/// Writes velocities back where `changed`; other lanes keep their bits.
-template <class S>
-void set_velocities_where(const MaskOf<S>& changed, RigidState<S>& state, const Motion<S>& motion) {
-  RigidState<S> next = state;
-  set_velocities(next, motion);
-  state.velocity = select(changed, next.velocity, state.velocity);
-  state.angular_velocity = select(changed, next.angular_velocity, state.angular_velocity);
-}
-
 /// Gives a pair back the angular momentum that it lost when its second body was moved by `shift` relative to
 /// the first, where `moved`: its motion is a rigid turn, which carries the angular momentum, and a remainder
 /// without any. The turn is set right, and the remainder shrinks where kinetic energy would rise above what

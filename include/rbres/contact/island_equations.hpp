@@ -1,0 +1,215 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <rbres/contact/block_profile.hpp>
+#include <rbres/contact/impulse.hpp>
+#include <rbres/contact/near_pairs.hpp>
+#include <rbres/core/reserved.hpp>
+
+namespace rbres::detail {
+
+/// A vector along a contact point's three directions: its normal and two tangents.
+template <class S>
+using Triple = std::array<S, 3>;
+
+/// How the velocities of an island's bodies move one of its contact points: the lines of the Jacobian.
+template <class S>
+struct PointJacobian {
+  using Line = std::array<S, 6>;            ///< by a body's velocity and its angular velocity
+  std::size_t first, second;                ///< the bodies' places in the island
+  std::array<Line, 3> on_first, on_second;  ///< on_first is not there for a plane
+};
+
+/// The linear equations of one step of Newton's method over the velocities of an island's bodies,
+///   (M + sum of J^T slope J) dv = sum of J^T push - M moved,
+/// with the bodies' masses M and the change of their velocities so far, moved.
+template <class System>
+class IslandEquations {
+  using S = typename System::Scalar;
+  using Jacobian = PointJacobian<S>;
+  using Six = typename Jacobian::Line;
+  static constexpr std::size_t N = System::bodies;
+
+ public:
+  static constexpr std::size_t plane = N;  ///< stands for a plane's place
+
+  IslandEquations() : matrix_(N, std::min<std::size_t>(6 * N * (6 * N + 1) / 2, most_numbers)) {
+    bodies_.reserve(N);
+    first_.reserve(N);
+    inertia_.reserve(N);
+    step_.reserve(6 * N);
+    moved_.reserve(6 * N);
+  }
+
+  /// A new island without points.
+  void clear() {
+    bodies_.clear();
+    first_.clear();
+    place_.fill(N);
+    if constexpr (Packed<S>) {  // the same places, whatever touches in other lanes
+      for (std::size_t i = 0; i < N; ++i) {
+        place_[i] = i;
+        bodies_.push_back(static_cast<int>(i));
+        first_.push_back(0);
+      }
+    }
+  }
+  /// The Jacobian of a point between `who`. Bodies get their places in the order in which they are named.
+  template <class Point>
+  Jacobian jacobian(const Candidate& who, const Point& point) {
+    const auto line = [](const Vec3<S>& direction, const Vec3<S>& arm) {
+      return Six{direction.x, direction.y, direction.z, arm.x, arm.y, arm.z};
+    };
+    Jacobian j{};
+    j.first = plane;
+    j.second = place(who.second);
+    for (std::size_t d = 0; d < 3; ++d) j.on_second[d] = line(point.direction(d), point.second_arm(d));
+    if constexpr (requires { point.first_arm(0); }) {
+      j.first = place(who.first);
+      for (std::size_t d = 0; d < 3; ++d) j.on_first[d] = line(-point.direction(d), -point.first_arm(d));
+      const auto [low, high] = std::minmax(j.first, j.second);
+      first_[high] = std::min(first_[high], low);
+    }
+    return j;
+  }
+  /// Takes up the bodies that have been named. False where the matrix would be too large.
+  template <class Motions>
+  bool shape(const Motions& motion) {
+    step_.resize(6 * bodies_.size());
+    moved_.resize(6 * bodies_.size());
+    inertia_.clear();
+    for (const int body : bodies_) {
+      const Motion<S>& m = motion[static_cast<std::size_t>(body)];
+      inertia_.push_back({inverse(m.inverse_mass), symmetric_inverse(m.inverse_inertia)});
+    }
+    return matrix_.shape(first_, most_products);
+  }
+
+  /// Nothing has moved.
+  void stay() { std::fill(moved_.begin(), moved_.end(), S(0)); }
+
+  /// Starts the equations with the bodies' masses.
+  void start() {
+    matrix_.clear();
+    for (std::size_t i = 0; i < bodies_.size(); ++i) {
+      const auto& [mass, inertia] = inertia_[i];
+      for (std::size_t d = 0; d < 3; ++d) matrix_(6 * i + d, 6 * i + d) = mass;
+      matrix_(6 * i + 3, 6 * i + 3) = inertia.x.x;
+      matrix_(6 * i + 4, 6 * i + 3) = inertia.x.y;
+      matrix_(6 * i + 4, 6 * i + 4) = inertia.y.y;
+      matrix_(6 * i + 5, 6 * i + 3) = inertia.x.z;
+      matrix_(6 * i + 5, 6 * i + 4) = inertia.y.z;
+      matrix_(6 * i + 5, 6 * i + 5) = inertia.z.z;
+      const Six m = momentum(i, &moved_[6 * i]);
+      for (std::size_t d = 0; d < 6; ++d) step_[6 * i + d] = -m[d];
+    }
+  }
+  /// Adds J^T slope J and J^T push of one point.
+  void add(const Jacobian& j, const std::array<Triple<S>, 3>& slope, const Triple<S>& push) {
+    add_push(j.second, j.on_second, push);
+    if (j.first != plane) add_push(j.first, j.on_first, push);
+    const MaskOf<S> pushes = slope[0][0] > S(0), rubs = slope[1][1] + slope[2][2] > S(0);
+    if (!any(pushes | rubs)) return;
+    add_block(j.second, j.on_second, slope, j.second, j.on_second);
+    if (j.first == plane) return;
+    add_block(j.first, j.on_first, slope, j.first, j.on_first);
+    if (j.second > j.first) {
+      add_block(j.second, j.on_second, slope, j.first, j.on_first);
+    } else {
+      add_block(j.first, j.on_first, slope, j.second, j.on_second);
+    }
+  }
+  /// Finds the step of the bodies' velocities.
+  void solve() {
+    matrix_.factor();
+    matrix_.solve(step_);
+  }
+
+  /// How the step changes a point's velocity.
+  Triple<S> change(const Jacobian& j) const {
+    Triple<S> change;
+    for (std::size_t d = 0; d < 3; ++d) {
+      change[d] = S(0);
+      for (std::size_t k = 0; k < 6; ++k) {
+        change[d] += j.on_second[d][k] * step_[6 * j.second + k];
+        if (j.first != plane) change[d] += j.on_first[d][k] * step_[6 * j.first + k];
+      }
+    }
+    return change;
+  }
+  /// The slope of the kinetic part, dv . M (moved + length dv), is rise + length bend.
+  struct KineticSlope {
+    S rise, bend;
+  };
+  KineticSlope kinetic_slope() const {
+    S bend(0), rise(0);
+    for (std::size_t i = 0; i < bodies_.size(); ++i) {
+      const Six m = momentum(i, &step_[6 * i]);
+      for (std::size_t d = 0; d < 6; ++d) {
+        bend += m[d] * step_[6 * i + d];
+        rise += m[d] * moved_[6 * i + d];
+      }
+    }
+    return {rise, bend};
+  }
+  /// Goes the share `way` of the step.
+  void advance(const S& way) {
+    for (std::size_t i = 0; i < moved_.size(); ++i) moved_[i] += way * step_[i];
+  }
+
+ private:
+  /// Of a factorisation: an island of 9 bodies in a heap, or of some 100 in a row. Larger ones take as many
+  /// numbers, too.
+  static constexpr std::size_t most_products = 40'000, most_numbers = 10'000;
+  struct Inertia {
+    S mass;
+    Mat3<S> tensor;  ///< world frame
+  };
+
+  std::size_t place(int body) {
+    std::size_t& at = place_[static_cast<std::size_t>(body)];
+    if (at == N) {
+      at = bodies_.size();
+      bodies_.push_back(body);
+      first_.push_back(at);
+    }
+    return at;
+  }
+  void add_push(std::size_t i, const std::array<Six, 3>& side, const Triple<S>& push) {
+    for (std::size_t d = 0; d < 3; ++d) {
+      for (std::size_t k = 0; k < 6; ++k) step_[6 * i + k] += side[d][k] * push[d];
+    }
+  }
+  void add_block(std::size_t i, const std::array<Six, 3>& left, const std::array<Triple<S>, 3>& slope,
+                 std::size_t j, const std::array<Six, 3>& right) {
+    std::array<Six, 3> sloped;
+    for (std::size_t d = 0; d < 3; ++d) {
+      for (std::size_t c = 0; c < 6; ++c)
+        sloped[d][c] = slope[d][0] * right[0][c] + slope[d][1] * right[1][c] + slope[d][2] * right[2][c];
+    }
+    for (std::size_t k = 0; k < 6; ++k) {
+      S* line = &matrix_(6 * i + k, 6 * j);
+      const std::size_t end = i == j ? k + 1 : 6;
+      for (std::size_t c = 0; c < end; ++c)
+        line[c] += left[0][k] * sloped[0][c] + left[1][k] * sloped[1][c] + left[2][k] * sloped[2][c];
+    }
+  }
+  /// Mass and inertia times a velocity.
+  Six momentum(std::size_t i, const S* v) const {
+    const auto& [mass, inertia] = inertia_[i];
+    const Vec3<S> spin = inertia * Vec3<S>{v[3], v[4], v[5]};
+    return {mass * v[0], mass * v[1], mass * v[2], spin.x, spin.y, spin.z};
+  }
+
+  std::array<std::size_t, N> place_;
+  Reserved<int> bodies_;
+  Reserved<std::size_t> first_;
+  Reserved<Inertia> inertia_;
+  BlockProfile<S> matrix_;
+  Reserved<S> step_;   ///< right side, then the step of the bodies' velocities
+  Reserved<S> moved_;  ///< by the steps so far
+};
+
+}  // namespace rbres::detail

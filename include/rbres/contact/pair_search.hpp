@@ -1,0 +1,107 @@
+#pragma once
+
+#include <limits>
+#include <rbres/contact/broad_phase.hpp>
+#include <rbres/contact/contact_pair.hpp>
+#include <rbres/core/reserved.hpp>
+
+namespace rbres::detail {
+
+template <class System>
+std::size_t most_pairs(const System& system) {
+  const std::size_t N = System::bodies;
+  return N * (N - 1) / 2 + N * system.planes().size();
+}
+
+/// Finds the pairs that may touch over a part of a step: those whose bounding balls, grown by the ways that
+/// their bodies may go, overlap.
+template <class System>
+class PairSearch {
+  using S = typename System::Scalar;
+  using State = typename System::State;
+  static constexpr int N = System::bodies;
+  using Pair = ContactPair<System>;
+
+ public:
+  using Ways = std::array<S, N>;  ///< m
+
+  /// `rest_speed` as in SimulationOptions.
+  PairSearch(const System& system, const S& rest_speed)
+      : system_(&system), rest_speed_(rest_speed), broad_(system.planes().size()) {
+    pairs_.reserve(most_pairs(system));
+  }
+
+  /// A new part, in which no forces are known that carry a body farther than its free flight.
+  void start_part() { wanted_.fill(S(0)); }
+
+  /// How far the bodies may get while they go from `from` to `to`, `time` seconds later.
+  const Ways& ways(const State& from, const State& to, const S& time) {
+    for (int i = 0; i < N; ++i) way_[index(i)] = maximum(way_of(from[i], to[i], time), wanted_[index(i)]);
+    return way_;
+  }
+  /// The pairs that may touch on these ways, in the lanes `running`.
+  Reserved<Pair>& find(const State& from, const MaskOf<S>& running) {
+    constexpr auto nan = std::numeric_limits<typename Constants<S>::Real>::quiet_NaN();
+    Ways reach;
+    for (int i = 0; i < N; ++i) {
+      // Nothing meets a body whose reach is NaN: lanes that are done need no pairs.
+      const S ball = (*system_)[i].bounding_radius() * as<S>(1.001);
+      reach[index(i)] = select(running, S(ball + way_[index(i)]), S(nan));
+    }
+    pairs_.clear();
+    for (const Candidate& who : broad_.find(*system_, from, reach))
+      pairs_.emplace_back(*system_, who, rest_speed_);
+    return pairs_;
+  }
+
+  /// Whether these ways are as long as those of bodies that are at `to` after `time` seconds. If not, the
+  /// next will be.
+  bool covers(const State& from, const State& to, const S& time, const MaskOf<S>& running) {
+    bool all = true;
+    for (int i = 0; i < N; ++i) {
+      const S way = way_of(from[i], to[i], time);
+      const S slack = as<S>(5e-4) * (*system_)[i].bounding_radius();
+      const MaskOf<S> beyond = running & (way > way_[index(i)] + slack);
+      if (!any(beyond)) continue;
+      all = false;
+      wanted_[index(i)] = select(beyond, S(as<S>(1.5) * way), wanted_[index(i)]);
+    }
+    return all;
+  }
+
+ private:
+  /// How far a body may get from where it starts. The path stays near its chord: a constant acceleration
+  /// leaves it by an eighth of its velocity change.
+  static S way_of(const RigidState<S>& from, const RigidState<S>& to, const S& time) {
+    return norm(to.position - from.position) + as<S>(0.5) * time * norm(to.velocity - from.velocity);
+  }
+  static std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+  const System* system_;
+  S rest_speed_;
+  BroadPhase<S, N> broad_;
+  Reserved<Pair> pairs_;
+  Ways way_, wanted_;  ///< wanted_: by contact forces
+};
+
+/// Notes how fast the pairs' points open.
+template <class System>
+void measure_speeds(const MotionsOf<System>& motion, Reserved<ContactPair<System>>& pairs) {
+  for (ContactPair<System>& pair : pairs) {
+    for (std::size_t i = 0; i < ContactPair<System>::points; ++i)
+      pair.speed[i] = pair.opening(pair.manifold, i, motion);
+  }
+}
+/// Notes how the pairs meet in a state with these motions; points touch in the lanes `where` at most.
+template <class System>
+void measure(const System& system, const typename System::State& y, const MotionsOf<System>& motion,
+             const MaskOf<typename System::Scalar>& where, Reserved<ContactPair<System>>& pairs) {
+  for (ContactPair<System>& pair : pairs) {
+    pair.find(system, y, pair.manifold);
+    for (std::size_t i = 0; i < ContactPair<System>::points; ++i)
+      pair.touching[i] = where & (pair.manifold.gap[i] <= pair.touch);
+  }
+  measure_speeds<System>(motion, pairs);
+}
+
+}  // namespace rbres::detail

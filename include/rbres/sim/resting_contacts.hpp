@@ -1,0 +1,270 @@
+#pragma once
+
+#include <rbres/contact/contact_memory.hpp>
+#include <rbres/contact/islands.hpp>
+#include <rbres/contact/pair_search.hpp>
+#include <rbres/sim/resting_work.hpp>
+#include <span>
+
+namespace rbres::detail {
+
+/// The contacts that rest, slide or roll over a part of a step, island by island: first they stop what still
+/// approaches slowly, then constant forces hold the bodies over the part, and at its end impulses take away
+/// what these forces, of second order, have left over.
+template <class System>
+class RestingContacts {
+  using S = typename System::Scalar;
+  using State = typename System::State;
+  static constexpr int N = System::bodies;
+  using Pair = ContactPair<System>;
+  using Pairs = Reserved<Pair>;
+  using Motions = typename Pair::Motions;
+  static constexpr std::size_t P = Pair::points;
+
+ public:
+  /// What the contacts do to each body.
+  using Forces = std::array<RestingForce<S>, N>;
+
+  explicit RestingContacts(const System& system)
+      : system_(&system), islands_(most_pairs(system)), rows_(system), memory_(rows_.capacity()) {
+    normals_.reserve(most_pairs(system));
+  }
+
+  /// A state that did not come out of the last step owes nothing to it.
+  void continue_from(const State& y) {
+    MaskOf<S> same(true);
+    const S *now = &y[0].position.x, *then = &last_[0].position.x;
+    for (int k = 0; k < State::size; ++k) {
+      const MaskOf<S> equal = now[k] == then[k];
+      same = same & equal;
+    }
+    if (!all(same)) memory_.forget_unless(same);
+  }
+  void end_step(const State& y) { last_ = y; }
+
+  /// Marks the points that touch, or nearly so, and move slowly; groups their pairs into islands. False where
+  /// there are none.
+  bool find(Pairs& pairs, const MaskOf<S>& running) {
+    islands_.clear();
+    rests_.fill(MaskOf<S>(false));
+    bool found = false;
+    for (std::size_t k = 0; k < pairs.size(); ++k) {
+      Pair& pair = pairs[k];
+      pair.any_resting = MaskOf<S>(false);
+      for (std::size_t i = 0; i < P; ++i) {
+        const MaskOf<S> close = pair.manifold.gap[i] <= pair.near;
+        const MaskOf<S> slow = square(pair.speed[i]) <= square(pair.rest_speed);
+        const MaskOf<S> comes = pair.speed[i] <= S(0);  // impacts are answered: what is left is rounding
+        pair.resting[i] = running & ((close & slow) | (pair.touching[i] & comes));
+        pair.any_resting = pair.any_resting | pair.resting[i];
+      }
+      if (!any(pair.any_resting)) continue;
+      found = true;
+      for (const int body : {pair.who.first, pair.who.second}) {
+        if (body >= 0) rests_[index(body)] = rests_[index(body)] | pair.any_resting;
+      }
+      islands_.add(k, pair.who.first, pair.who.second);
+    }
+    if (found) islands_.group(Packed<S>);
+    return found;
+  }
+
+  /// Slow approaches of resting points end at once, without bounce: changes the velocities in `motion`.
+  /// Returns where there were any.
+  MaskOf<S> stop_approaches(const Pairs& pairs, Motions& motion, const S& pull) {
+    MaskOf<S> stopped(false);
+    for (std::size_t island = 0; island < islands_.count(); ++island) {
+      MaskOf<S> slow(false);
+      for (const std::size_t k : islands_[island]) {
+        const Pair& pair = pairs[k];
+        for (std::size_t i = 0; i < P; ++i) {
+          const S allowed = pair.still + pull * maximum(pair.manifold.gap[i], S(0));
+          const MaskOf<S> approaches = pair.speed[i] < -allowed;
+          slow = slow | (pair.resting[i] & approaches);
+        }
+      }
+      if (!any(slow)) continue;
+      stopped = stopped | slow;
+      take_up(pairs, island, motion, [&](const Pair& pair, std::size_t i) {
+        return minimum(closing(pair.manifold, i, pull), S(0));
+      });
+      rows_.solve(motion, slow);
+    }
+    return stopped;
+  }
+
+  /// The constant forces with which no resting point approaches when `left` is over, where the bodies would
+  /// then be at `free`. A point may come back as fast as it left: its gap over the time between is then none.
+  Forces forces(const Pairs& pairs, const State& y, const Motions& motion, const State& free, const S& left,
+                const S& pull) {
+    Motions end = motion;
+    for (int i = 0; i < N; ++i) {
+      end[index(i)].velocity = free[i].velocity;
+      end[index(i)].angular_velocity = free[i].angular_velocity_world();
+    }
+    const Motions unheld = end;
+    const MaskOf<S> open = left > S(0);
+    const S rate = S(1) / select(open, left, S(1));
+    // Forces over the shortest parts are rounding, and not worth keeping.
+    const S kept_rate = select(left * pull > as<S>(1e-4), rate, S(0));
+    Forces contact{};
+    memory_.start();
+    for (std::size_t island = 0; island < islands_.count(); ++island) {
+      take_up(pairs, island, end, [&](const Pair& pair, std::size_t i) {
+        return S(closing(pair.manifold, i, pull) - pair.speed[i]);
+      });
+      rows_.each(end, [&](auto& row, auto& point, auto& first, auto& second) {
+        std::array<S, 3> impulse = memory_.force(row);
+        for (S& p : impulse) p = select(row.active, S(left * p), S(0));
+        point.add(impulse, first, second);
+      });
+      rows_.solve(end, open);
+      rows_.each(end, [&](auto& row, auto& point, auto&, auto&) {
+        memory_.keep(row, kept_rate, open);
+        if (!row.plane()) add_paired_force(row, point, y, end, rate, contact);
+      });
+    }
+    memory_.finish(open);
+    for (int i = 0; i < N; ++i) {
+      if (!any(rests_[index(i)])) continue;
+      const Motion<S>&m = end[index(i)], &b = unheld[index(i)];
+      const Mat3<S> axes = rotation_matrix(y[i].orientation);
+      const Vec3<S> spin = axes.transposed_times(m.angular_velocity - b.angular_velocity);
+      contact[index(i)].force = (rate * (*system_)[i].mass()) * (m.velocity - b.velocity);
+      contact[index(i)].torque = rate * (axes * scale((*system_)[i].inertia(), spin));
+    }
+    return contact;
+  }
+
+  /// What becomes of `flown`, where the contacts' forces have taken the bodies from y in `part` seconds: no
+  /// resting point approaches, and contacts have done no work that they cannot do.
+  State settled(const Pairs& pairs, const State& y, const Forces& contact, const State& flown, const S& part,
+                const S& pull) {
+    Motions motion = motions_of(*system_, flown);
+    normals_.resize(pairs.size());
+    for (std::size_t island = 0; island < islands_.count(); ++island) {
+      rows_.clear();
+      for (const std::size_t k : islands_[island]) {
+        const Pair& pair = pairs[k];
+        typename Pair::Contact at_end;
+        pair.find(*system_, flown, at_end);
+        normals_[k] = at_end.normal;
+        if (rows_.full()) continue;
+        for (std::size_t i = 0; i < P; ++i) {
+          const MaskOf<S> near = at_end.gap[i] <= pair.near;  // points may have changed places
+          const MaskOf<S> resting = pair.fixed_points() ? pair.resting[i] : pair.any_resting & near;
+          if (any(resting))
+            rows_.add(pair, at_end, i, resting, closing(at_end, i, pull), pair.surface.friction, motion);
+        }
+      }
+      rows_.solve(motion, MaskOf<S>(true));
+    }
+    State end = with_velocities(flown, motion, [&](int i) { return rests_[index(i)]; });
+    bound_energy(pairs, y, flown, contact, part, end);
+    return end;
+  }
+
+  /// Where a body has a resting contact.
+  const MaskOf<S>& rests(int i) const { return rests_[index(i)]; }
+
+ private:
+  static std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+  /// Takes up the resting points of an island, each to leave at target(pair, point) (m/s) at least.
+  template <class Target>
+  void take_up(const Pairs& pairs, std::size_t island, Motions& motion, const Target& target) {
+    rows_.clear();
+    for (const std::size_t k : islands_[island]) {
+      const Pair& pair = pairs[k];
+      if (rows_.full()) return;  // points that find no room bounce when they have sunk in
+      for (std::size_t i = 0; i < P; ++i) {
+        if (any(pair.resting[i]))
+          rows_.add(pair, pair.manifold, i, pair.resting[i], target(pair, i), pair.surface.friction, motion);
+      }
+    }
+  }
+
+  /// The least speed (m/s) at which a resting point is to leave: gaps close slowly, overlaps open slowly.
+  static S closing(const typename Pair::Contact& contact, std::size_t i, const S& pull) {
+    return -pull * contact.gap[i];
+  }
+
+  /// Adds the force of a point between two bodies, which moves from where y has it to where `end` has it.
+  template <class Row, class Point>
+  static void add_paired_force(const Row& row, const Point& point, const State& y, const Motions& end,
+                               const S& rate, Forces& contact) {
+    Vec3<S> force;
+    for (std::size_t d = 0; d < 3; ++d) force += (rate * row.impulse()[d]) * point.direction(d);
+    const auto first = index(row.who.first), second = index(row.who.second);
+    const S &a = end[first].inverse_mass, &b = end[second].inverse_mass;
+    const auto along = [&](const Vec3<S>& v, const Vec3<S>& w) { return (S(1) / (a + b)) * (a * v + b * w); };
+    const Vec3<S> from = along(y[row.who.first].velocity, y[row.who.second].velocity);
+    const Vec3<S> to = along(end[first].velocity, end[second].velocity);
+    const Vec3<S> drift = cross(from, force), bend = as<S>(0.5) * rate * cross(to - from, force);
+    contact[second].paired += force;
+    contact[second].drift += drift;
+    contact[second].bend += bend;
+    contact[first].paired -= force;
+    contact[first].drift -= drift;
+    contact[first].bend -= bend;
+  }
+
+  /// Resting contacts do no work but that of friction, which is never positive: what their forces did too
+  /// much from y to `flown`, and the impulses from there to `end`, is taken out of the islands' motion again.
+  void bound_energy(const Pairs& pairs, const State& y, const State& flown, const Forces& contact,
+                    const S& part, State& end) {
+    for (std::size_t island = 0; island < islands_.count(); ++island) {
+      if constexpr (!Packed<S>) {
+        bound_energy(pairs, islands_[island], rests_, y, flown, contact, part, end);
+      } else {  // one group of pairs, in which each lane has islands of its own: the smallest body names them
+        std::array<S, N> name;
+        for (int i = 0; i < N; ++i) name[index(i)] = as<S>(double(i));
+        for (int round = 1; round < N; ++round) {
+          for (const std::size_t k : islands_[island]) {
+            const Pair& pair = pairs[k];
+            if (pair.plane()) continue;
+            S &a = name[index(pair.who.first)], &b = name[index(pair.who.second)];
+            const S least = minimum(a, b);
+            a = select(pair.any_resting, least, a);
+            b = select(pair.any_resting, least, b);
+          }
+        }
+        for (int i = 0; i < N; ++i) {
+          std::array<MaskOf<S>, N> members;
+          for (int j = 0; j < N; ++j)
+            members[index(j)] = rests_[index(j)] & (name[index(j)] == as<S>(double(i)));
+          bound_energy(pairs, islands_[island], members, y, flown, contact, part, end);
+        }
+      }
+    }
+  }
+  void bound_energy(const Pairs& pairs, std::span<const std::size_t> island,
+                    const std::array<MaskOf<S>, N>& members, const State& y, const State& flown,
+                    const Forces& contact, const S& part, State& end) {
+    energy_.start();
+    for (const std::size_t k : island) {
+      const Pair& pair = pairs[k];
+      energy_.add(pair.who, normals_[k], pair.surface.friction,
+                  pair.any_resting & members[index(pair.who.second)]);
+    }
+    S excess(0);
+    for (const int i : energy_.bodies()) {
+      const auto& body = (*system_)[i];
+      const S gained = contact[index(i)].work(y[i], flown[i], part) + kinetic_energy(body, end[i]) -
+                       kinetic_energy(body, flown[i]);
+      excess += select(members[index(i)], gained, S(0));
+    }
+    energy_.remove(*system_, end, excess, members);
+  }
+
+  const System* system_;
+  Islands<N> islands_;
+  ContactRows<System> rows_;
+  ContactMemory<System> memory_;
+  IslandEnergy<System> energy_;
+  std::array<MaskOf<S>, N> rests_;
+  Reserved<Vec3<S>> normals_;  ///< of the resting pairs, at the end of a part
+  State last_{};               ///< where the last step ended
+};
+
+}  // namespace rbres::detail
