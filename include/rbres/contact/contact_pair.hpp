@@ -24,7 +24,7 @@ S speed_scale(const S& size) {
   return root(S(as<S>(10.0) * size));
 }
 
-/// A pair that may touch during a step: its manifold, and what its points do.
+/// A pair that may touch during a part of a step: its manifold where the part begins, and what its points do.
 template <class System>
 struct ContactPair {
   using S = typename System::Scalar;

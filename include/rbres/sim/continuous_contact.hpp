@@ -39,9 +39,6 @@ class ContinuousContact {
   /// Takes y from t to t + h. `observer` may have impact(time, before, after), called with the states around
   /// each group of simultaneous impacts (plain scalars only). Where a number is no longer finite, neither is
   /// the state that is left.
-  ///
-  /// From each instant on: find the pairs that may touch before the step is over; resolve the impacts of this
-  /// instant; find the forces of resting contacts; advance to the next impact.
   template <class Model, class Integrator, class Observer>
   void step(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
             Observer& observer, ContactTally<S>& tally) {
@@ -55,6 +52,8 @@ class ContinuousContact {
     for (int event = 0; event < options_.max_events; ++event) {
       MaskOf<S> running = (left > S(0)) & !lost;
       if (!any(running)) break;
+
+      // Find the pairs that may touch before the step is over.
       State free = fly(*system_, forces, integrator, y, now, left);
       const MaskOf<S> faulty = mark_faults(search_.ways(y, free, left), free, running, y);
       left = select(faulty, S(0), left);
@@ -68,6 +67,8 @@ class ContinuousContact {
 
       Motions motion = detail::motions_of(*system_, y);
       detail::measure(*system_, y, motion, running, pairs);
+
+      // Resolve the impacts of this instant.
       if (!resolved && any(impacts_.resolve(pairs, motion, tally.impacts))) {
         const State after = detail::with_velocities(y, motion, [&](int i) { return impacts_.changed(i); });
         if constexpr (requires { observer.impact(now, y, after); })
@@ -78,6 +79,7 @@ class ContinuousContact {
       }
       resolved = false;
 
+      // Find the forces of resting contacts.
       const bool resting = resting_.find(pairs, running);
       if (const MaskOf<S> stopped =
               resting ? resting_.stop_approaches(pairs, motion, pull) : MaskOf<S>(false);
@@ -98,6 +100,7 @@ class ContinuousContact {
                        : fly(*system_, forces, integrator, y, now, time);
       };
 
+      // Advance to the next impact.
       Part part{resting ? flown(left) : free, left};
       // Contact forces may carry a body farther than its free flight: then others may be in its way.
       if (resting && !search_.covers(y, part.end, left, running)) {
