@@ -37,6 +37,24 @@ TEST_CASE("a contact law is read as it was written, frame time and all") {
   CHECK(read.scales.margin == law.scales.margin);
 }
 
+TEST_CASE("a hybrid is read as it was written, and is no contact law") {
+  const TemporaryFolder folder;
+  HybridLaw<8, 2> law;
+  static_cast<Law&>(law) = some_law();
+  law.weight = 0.75;
+  save(folder / "law.safetensors", law);
+  const auto read = load<HybridLaw<8, 2>>(folder / "law.safetensors");
+  CHECK(std::ranges::equal(read.network.parameters(), law.network.parameters()));
+  CHECK(read.input.mean == law.input.mean);
+  CHECK(read.scales.margin == law.scales.margin);
+  CHECK(read.weight == 0.75);
+  CHECK(contains(error_of([&] { load<Law>(folder / "law.safetensors"); }), "metadata 'contact_law'"));
+  law.weight = NAN;
+  CHECK(error_of([&] {
+          save(folder / "law.safetensors", law);
+        }).starts_with("weight of a saved hybrid: expected numbers from "));
+}
+
 TEST_CASE("files of other laws and laws that make no sense are refused") {
   const TemporaryFolder folder;
   const auto path = folder / "law.safetensors";

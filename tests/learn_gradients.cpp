@@ -2,6 +2,7 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <rbres/learn/hybrid_law.hpp>
 #include <rbres/learn/rollouts.hpp>
 
 #include "learn_support.hpp"
@@ -12,7 +13,7 @@ using namespace learn_support;
 namespace {
 
 using Law = ContactLaw<6, 2, double>;
-using Net = Law::Network;
+using Hybrid = HybridLaw<6, 2, double>;
 
 /// A body of each of these shapes, one above the other and overlapping, for some frames that no law explains.
 Trajectory pile(const std::vector<int>& kinds, std::uint64_t seed) {
@@ -38,12 +39,16 @@ Trajectory pile(const std::vector<int>& kinds, std::uint64_t seed) {
 
 /// The worst error of the derivatives by the network's parameters, over the largest of them. `reaches` is
 /// the least number of contact points that the last frame must have.
-void check_pile(const std::vector<int>& kinds, std::size_t reaches) {
+template <class L = Law>
+void check_pile(const std::vector<int>& kinds, std::size_t reaches,
+                SceneStep::Velocity velocity = SceneStep::Velocity::instant) {
+  using Net = typename L::Network;
   for (const int kind : kinds) CAPTURE(kind);
-  auto law = random_law<Law>(7, 0.3);
+  auto law = random_law<L>(7, 0.3);
+  if constexpr (L::corrects) law.weight = 0.7;
   const TrajectorySet set(0.01, {0.3, 0, -9.81}, {{{0, 0, 1}, 0.01, {}}}, {pile(kinds, 3)});
   // Caps stay far away: beyond them there is no derivative.
-  const Rollouts<Law> rollouts(law, set, 3, 1, {{100, 1e4}, {1, 1e4}, {1, 1e4}, {0.1, 1e4}});
+  const Rollouts<L> rollouts(law, set, 3, 1, {{100, 1e4}, {1, 1e4}, {1, 1e4}, {0.1, 1e4}}, velocity);
   const std::vector<std::uint32_t> items{0};
   auto scratch = rollouts.scratch();
   ParameterGradient<Net> gradient;
@@ -51,6 +56,7 @@ void check_pile(const std::vector<int>& kinds, std::size_t reaches) {
   const double value = rollouts.differentiate(network, items, {}, scratch, gradient);
   CHECK(rollouts.value(network, items, scratch) == doctest::Approx(value).epsilon(1e-12));
   CHECK(scratch.frames[2].contacts.contacts.size() >= reaches);
+  if constexpr (L::corrects) CHECK(scratch.frames[0].answered != scratch.frames[0].flown);
   double worst = 0, largest = 0;
   for (const ParameterTensor& tensor : Net::tensors()) {
     for (int row = 0; row < tensor.rows; ++row) {
@@ -86,6 +92,14 @@ TEST_CASE("rollouts of every pair of shapes have the derivatives of central diff
 
 TEST_CASE("rollouts of three bodies that share contacts have the derivatives of central differences") {
   check_pile({0, 2, 0}, 4);
+}
+
+TEST_CASE("rollouts of velocities that are means have the derivatives of central differences") {
+  check_pile({1, 0}, 4, SceneStep::Velocity::mean);
+}
+
+TEST_CASE("rollouts of a correction of the analytic law have the derivatives of central differences") {
+  for (const auto& kinds : {std::vector{1}, {0, 1}, {1, 1}, {2, 0, 1}}) check_pile<Hybrid>(kinds, 3);
 }
 
 TEST_CASE("rollouts that make no sense are refused") {

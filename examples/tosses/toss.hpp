@@ -3,9 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <rbres/body/state.hpp>
-#include <rbres/core/lie.hpp>
 #include <rbres/io/npy.hpp>
+#include <rbres/learn/trajectory.hpp>
 #include <vector>
 
 /// The measured cube tosses of ContactNets (Pfrommer, Halm, Posa, CoRL 2020), and what is known of the cube.
@@ -19,9 +18,18 @@ inline constexpr double gravity = 9.81;          ///< m/s^2
 
 using State = RigidState<double>;
 
-/// One toss, frame by frame. A frame's velocities are those that led to its pose: position after = position
-/// before + frame_time * velocity after.
-using Toss = std::vector<State>;
+/// A cube as it is said to be, with these frames. A frame's velocities are those that led to its pose:
+/// position after = position before + frame_time * velocity after (SceneStep::Velocity::mean).
+inline Trajectory cube_toss(std::vector<State> frames) {
+  const Body<double> cube(Box(half_width, half_width, half_width), mass,
+                          Vec3<double>{inertia, inertia, inertia});
+  return {{cube}, std::move(frames)};
+}
+
+/// Tosses onto a floor at this height (m).
+inline TrajectorySet toss_set(std::vector<Trajectory> tosses, double floor) {
+  return {frame_time, {0, 0, -gravity}, {Plane<double>{{0, 0, 1}, floor, {}}}, std::move(tosses)};
+}
 
 /// Reads a .npy file of one row per frame and 14 columns: toss number, position (3), orientation (4, real
 /// part first), velocity (3), body-frame angular velocity (3). A file that is missing or broken is refused
@@ -29,7 +37,7 @@ using Toss = std::vector<State>;
 /// else than it says. Refused are: another shape or type, no rows, a number that is not finite, a quaternion
 /// whose length is off by more than 1e-3, a toss of a single frame. Shorter errors of a quaternion's length
 /// are normalised away.
-inline std::vector<Toss> read_tosses(const std::filesystem::path& path) {
+inline std::vector<Trajectory> read_tosses(const std::filesystem::path& path) {
   const NpyReader<double> file(path);
   const std::string name = path.string();
   if (file.shape().size() != 2 || file.features() != 14) {
@@ -38,12 +46,15 @@ inline std::vector<Toss> read_tosses(const std::filesystem::path& path) {
   if (file.samples() == 0) detail::refuse(name, "at least one toss", "no rows");
   const auto rows = file.read();
 
-  std::vector<Toss> tosses;
+  std::vector<Trajectory> tosses;
+  std::vector<State> frames;
   const auto close_toss = [&](Eigen::Index row) {
-    if (!tosses.empty() && tosses.back().size() < 2) {
+    if (frames.size() < 2) {
       detail::refuse(detail::text(name, ", row ", row - 1), "a toss of two frames or more",
                      "one of a single frame");
     }
+    tosses.push_back(cube_toss(std::move(frames)));
+    frames.clear();
   };
   for (Eigen::Index r = 0; r < rows.cols(); ++r) {
     const auto x = rows.col(r);
@@ -57,28 +68,21 @@ inline std::vector<Toss> read_tosses(const std::filesystem::path& path) {
       detail::refuse(detail::text(name, ", row ", r), "a unit quaternion",
                      detail::text("one of length ", length));
     }
-    if (r == 0 || x[0] != rows(0, r - 1)) {
-      close_toss(r);
-      tosses.emplace_back();
-    }
-    tosses.back().push_back({{x[1], x[2], x[3]}, normalized(q), {x[8], x[9], x[10]}, {x[11], x[12], x[13]}});
+    if (r > 0 && x[0] != rows(0, r - 1)) close_toss(r);
+    frames.push_back({{x[1], x[2], x[3]}, normalized(q), {x[8], x[9], x[10]}, {x[11], x[12], x[13]}});
   }
   close_toss(rows.cols());
   return tosses;
 }
 
-/// The rotation from a to b as a rotation vector in a's frame, rad, of length at most pi.
-inline Vec3<double> rotation_between(const Quat<double>& a, const Quat<double>& b) {
-  return quaternion_log(a.conjugate() * b);
-}
-
 /// The floor's height, m: the median over tosses of where the cube's lowest corner is in the last frame, at
 /// rest.
-inline double floor_height(const std::vector<Toss>& tosses) {
+inline double floor_height(const std::vector<Trajectory>& tosses) {
   std::vector<double> lowest;
-  for (const Toss& toss : tosses) {
-    const Mat3<double> axes = rotation_matrix(toss.back().orientation);
-    lowest.push_back(toss.back().position.z -
+  for (const Trajectory& toss : tosses) {
+    const State& last = toss.state(toss.frames() - 1, 0);
+    const Mat3<double> axes = rotation_matrix(last.orientation);
+    lowest.push_back(last.position.z -
                      half_width * (std::abs(axes.x.z) + std::abs(axes.y.z) + std::abs(axes.z.z)));
   }
   const auto middle = lowest.begin() + std::ssize(lowest) / 2;
@@ -86,13 +90,22 @@ inline double floor_height(const std::vector<Toss>& tosses) {
   return *middle;
 }
 
-/// A frame with more velocity, which moves the pose along: by these changes of velocity and of body-frame
-/// spin.
-inline void add_velocity(State& state, const Vec3<double>& change, const Vec3<double>& spin) {
-  state.position += frame_time * change;
-  state.orientation = normalized(state.orientation * quaternion_exp(frame_time * spin));
-  state.velocity += change;
-  state.angular_velocity += spin;
+/// Each toss up to shortly after the cube has come to rest, but at least of `least` frames where it has so
+/// many: at rest there is nothing to learn.
+inline TrajectorySet until_rest(const TrajectorySet& set, int least) {
+  std::vector<Trajectory> all;
+  for (const Trajectory& toss : set) {
+    int end = toss.frames();
+    const auto moves = [](const State& s) {
+      return norm(s.velocity) + half_width * norm(s.angular_velocity) > 0.05;
+    };
+    while (end > 2 && !moves(toss.state(end - 1, 0))) --end;
+    end = std::min(toss.frames(), std::max(end + 5, least));
+    std::vector<State> frames;
+    for (int t = 0; t < end; ++t) frames.push_back(toss.state(t, 0));
+    all.push_back({{toss.body(0)}, std::move(frames)});
+  }
+  return {set.frame_time(), set.gravity(), set.planes(), std::move(all)};
 }
 
 }  // namespace rbres::tosses

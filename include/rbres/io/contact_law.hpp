@@ -2,19 +2,17 @@
 
 #include <rbres/io/metadata.hpp>
 #include <rbres/io/model.hpp>
-#include <rbres/learn/contact_law.hpp>
+#include <rbres/learn/hybrid_law.hpp>
 
 #include <string>
 
 namespace rbres {
 
-/// A contact law's file: the tensors of its networks, "0.0.weight" and so on (part, layer), and in the
-/// metadata what they are ("contact_law": width, rounds, features and outputs; "scalar"), the normalisation
-/// ("input_mean", "input_deviation") and the scales ("frame_time" in s, "speed" in m/s, "margin" in m).
-template <int Width, int Rounds, std::floating_point T>
-struct ModelFormat<ContactLaw<Width, Rounds, T>> {
-  using Model = ContactLaw<Width, Rounds, T>;
+namespace detail {
 
+/// See ModelFormat<ContactLaw> and ModelFormat<HybridLaw>.
+template <class Model>
+struct ContactLawFormat {
   /// The law must stay until the file is written.
   static void write(SafetensorsWriter& file, const Model& law) {
     using Net = typename Model::Network;
@@ -29,6 +27,11 @@ struct ModelFormat<ContactLaw<Width, Rounds, T>> {
     file.metadata["frame_time"] = detail::numbers_to_text(scales.segment<1>(0));
     file.metadata["speed"] = detail::numbers_to_text(scales.segment<1>(1));
     file.metadata["margin"] = detail::numbers_to_text(scales.segment<1>(2));
+    if constexpr (Model::corrects) {
+      const Eigen::Matrix<double, 1, 1> weight(law.weight);
+      detail::require_within("weight of a saved hybrid", weight, Bounds{});
+      file.metadata["weight"] = detail::numbers_to_text(weight);
+    }
   }
 
   static Model read(const SafetensorsReader& file) {
@@ -41,6 +44,7 @@ struct ModelFormat<ContactLaw<Width, Rounds, T>> {
     law.scales.frame_time = number(file, "frame_time");
     law.scales.speed = number(file, "speed");
     law.scales.margin = number(file, "margin");
+    if constexpr (Model::corrects) law.weight = number(file, "weight", {});
     return law;
   }
 
@@ -50,18 +54,32 @@ struct ModelFormat<ContactLaw<Width, Rounds, T>> {
 
   static Metadata metadata() {
     using Net = typename Model::Network;
-    return {{"contact_law", detail::text("width ", Width, ", rounds ", Rounds, ", features ", Net::inputs,
-                                         ", outputs ", Net::outputs)},
-            {"scalar", std::is_same_v<T, float> ? "float32" : "float64"}};
+    return {{Model::corrects ? "hybrid_law" : "contact_law",
+             detail::text("width ", Net::width, ", rounds ", Net::rounds, ", features ", Net::inputs,
+                          ", outputs ", Net::outputs)},
+            {"scalar", std::is_same_v<typename Model::Scalar, float> ? "float32" : "float64"}};
   }
   static Scales numbers(const ContactScales& scales) {
     return {scales.frame_time, scales.speed, scales.margin};
   }
-  static double number(const SafetensorsReader& file, const char* key) {
+  static double number(const SafetensorsReader& file, const char* key, Bounds bounds = positive) {
     Eigen::Matrix<double, 1, 1> x;
-    detail::numbers_from_metadata(file, key, x, positive);
+    detail::numbers_from_metadata(file, key, x, bounds);
     return x[0];
   }
 };
+
+}  // namespace detail
+
+/// A contact law's file: the tensors of its networks, "0.0.weight" and so on (part, layer), and in the
+/// metadata what they are ("contact_law": width, rounds, features and outputs; "scalar"), the normalisation
+/// ("input_mean", "input_deviation") and the scales ("frame_time" in s, "speed" in m/s, "margin" in m).
+template <int Width, int Rounds, std::floating_point T>
+struct ModelFormat<ContactLaw<Width, Rounds, T>> : detail::ContactLawFormat<ContactLaw<Width, Rounds, T>> {};
+
+/// The same with "hybrid_law" in the place of "contact_law", and the "weight" of the correction. The
+/// materials of the analytic law are those of the bodies.
+template <int Width, int Rounds, std::floating_point T>
+struct ModelFormat<HybridLaw<Width, Rounds, T>> : detail::ContactLawFormat<HybridLaw<Width, Rounds, T>> {};
 
 }  // namespace rbres

@@ -67,7 +67,8 @@ struct ContactFlight {
   Vec3<double> middle;           ///< position halfway, m
   Quat<double> turned;           ///< orientation halfway
   Vec3<double> mean_velocity;    ///< over the frame, m/s
-  Vec3<double> end, velocity;    ///< position (m) and velocity (m/s) at its end
+  Vec3<double> end;              ///< position at its end, or where another law has put the body since, m
+  Vec3<double> velocity;         ///< at its end, m/s
   Vec3<double> spin;             ///< angular velocity at its end, rad/s
   Mat3<double> inverse_inertia;  ///< halfway, 1/(kg m^2)
 };

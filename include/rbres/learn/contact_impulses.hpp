@@ -35,6 +35,16 @@ struct BodyImpulse {
   Vec3<double> angular;  ///< sum of their moments about where the free flight ends, N m s
   Vec3<double> turn;     ///< sum of their moments about the body, times the time left, N m s^2
   bool touched = false;
+
+  /// Whether no impulse acts, or only some of no strength.
+  bool nothing() const {
+    return !touched ||
+           squared_norm(linear) + squared_norm(way) + squared_norm(angular) + squared_norm(turn) == 0;
+  }
+  /// All impulses so many times as strong.
+  BodyImpulse operator*(double factor) const {
+    return {factor * linear, factor * way, factor * angular, factor * turn, touched};
+  }
 };
 
 /// The velocity of the point at which a contact acts, the same for both bodies, m/s.
@@ -149,7 +159,7 @@ inline Vec3<double> spin_change(const BodyImpulse& sum, const Vec3<double>& velo
 template <class Shape>
 RigidState<double> pushed(const Body<double, Shape>& body, const RigidState<double>& flown,
                           const BodyImpulse& sum) {
-  if (!sum.touched) return flown;
+  if (sum.nothing()) return flown;
   RigidState<double> after;
   after.position = flown.position + body.inverse_mass() * sum.way;
   after.velocity = flown.velocity + body.inverse_mass() * sum.linear;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <rbres/learn/contact_frame.hpp>
+#include <rbres/learn/law_step.hpp>
 #include <rbres/sim/contacts.hpp>
 
 #include <algorithm>
@@ -55,21 +56,31 @@ struct ContactLaw {
   long respond(std::span<const Body<double, Shape>> bodies, std::span<const Plane<double>> planes,
                std::span<const RigidState<double>> start, std::span<RigidState<double>> states,
                Workspace& own) const noexcept {
+    return correct(bodies, planes, start, std::span<const RigidState<double>>(states), states, 1, own);
+  }
+  /// The same for `states` in which another law has answered the contacts of that free flight, from `start`
+  /// to `flown`: the impulses, `weight` times as strong, come on top.
+  template <class Shape>
+  long correct(std::span<const Body<double, Shape>> bodies, std::span<const Plane<double>> planes,
+               std::span<const RigidState<double>> start, std::span<const RigidState<double>> flown,
+               std::span<RigidState<double>> states, double weight, Workspace& own) const noexcept {
     Frame& frame = own.frame;
     frame.clear();
-    frame.add(detail::SceneView<Shape>{bodies, planes}, start, std::span<const RigidState<double>>(states),
-              scales);
+    frame.add(detail::SceneView<Shape>{bodies, planes}, start, flown, scales);
     frame.encode(input, scales);
     network.forward(frame.inputs, frame.presence, frame.ends, std::ssize(bodies), frame.outputs, own.network);
+    for (std::size_t i = 0; i < states.size(); ++i) frame.flights[i].end = states[i].position;
     frame.sum_impulses(scales);
     for (std::size_t i = 0; i < states.size(); ++i)
-      states[i] = detail::pushed(bodies[i], states[i], frame.sums[i]);
+      states[i] = detail::pushed(bodies[i], states[i], frame.sums[i] * weight);
     return std::ssize(frame.contacts);
   }
 
   /// What simulate(), Stepper and simulate_batch() ask of contacts, see AnalyticContacts. The tally's
   /// `touching` counts contact points; nothing else is counted.
   static constexpr bool allows_overlap = true;
+  static constexpr bool corrects = false;  ///< see HybridLaw
+  static constexpr double weight = 1;
 
   /// Throws Error where a step is not the law's frame time.
   void check(const StepPlan& plan) const {
@@ -83,41 +94,7 @@ struct ContactLaw {
   }
 
   template <class System>
-  class Step {
-    using State = typename System::State;
-    using Shape = typename System::Shape;
-    static_assert(std::is_same_v<typename System::Scalar, double>,
-                  "a learned contact law takes states of double");
-
-   public:
-    Step(const ContactLaw& law, const System& system, const SimulationOptions& options)
-        : law_(&law),
-          system_(&system),
-          workspace_(System::bodies, system.planes().size(),
-                     static_cast<std::size_t>(std::max(PairManifold<double, Shape>::points,
-                                                       PlaneManifold<double, Shape>::points))) {
-      law.check_step(options.step);
-    }
-
-    /// Throws Error where h is neither the law's frame time nor 0 s, which moves nothing.
-    template <class Model, class Integrator, class Observer>
-    void step(const Model& forces, const Integrator& integrator, State& y, double t, double h, Observer&,
-              ContactTally<double>& tally) {
-      if (h == 0) return;
-      law_->check_step(h);
-      const State start = y;
-      fly_on(*system_, forces, integrator, y, t, h);
-      using Bodies = std::span<const Body<double, Shape>>;
-      tally.touching += law_->respond(
-          Bodies(&(*system_)[0], System::bodies), std::span<const Plane<double>>(system_->planes()),
-          std::span<const RigidState<double>>(start.body), std::span<RigidState<double>>(y.body), workspace_);
-    }
-
-   private:
-    const ContactLaw* law_;
-    const System* system_;
-    Workspace workspace_;
-  };
+  using Step = detail::LawStep<ContactLaw, System>;
 };
 
 }  // namespace rbres

@@ -1,7 +1,8 @@
 #pragma once
 
-#include <rbres/dynamics/free_flight.hpp>
+#include <rbres/learn/analytic_answer.hpp>
 #include <rbres/learn/contact_law.hpp>
+#include <rbres/learn/scene_step.hpp>
 
 #include <span>
 #include <utility>
@@ -11,26 +12,27 @@ namespace rbres::detail {
 
 /// The way back through free flight under gravity: adds to the derivative by the state where it begins.
 template <class OneBody>
-void add_free_flight_gradient(const OneBody& alone, const Gravity<double>& gravity,
-                              const RigidState<double>& from, double time, const RigidState<double>& by_to,
-                              RigidState<double>& by_from) {
+void add_free_flight_gradient(SceneStep::Velocity velocity, const OneBody& alone,
+                              const Gravity<double>& gravity, const RigidState<double>& from, double time,
+                              const RigidState<double>& by_to, RigidState<double>& by_from) {
   by_from.position += by_to.position;
   by_from.velocity += by_to.velocity + time * by_to.position;
   using D = Dual<7>;
   SystemState<D, 1> y;
   y[0] = {constant_vector<7>(from.position), dual_quaternion<7>(from.orientation, 0),
           constant_vector<7>(from.velocity), dual_vector<7>(from.angular_velocity, 4)};
-  fly_on(alone.template cast<D>(), gravity, Rk4{}, y, D(0.0), D(time));
+  fly_on(velocity, alone.template cast<D>(), gravity, y, D(time));
   const Eigen::Matrix<double, 7, 1> g = pull_back<7>(by_to.orientation, y[0].orientation) +
                                         pull_back<7>(by_to.angular_velocity, y[0].angular_velocity);
   by_from.orientation = by_from.orientation + Quat<double>{g[0], g[1], g[2], g[3]};
   by_from.angular_velocity += Vec3<double>{g[4], g[5], g[6]};
 }
 
-/// One frame of a rollout: where bodies begin, where free flight takes them, and the contacts between.
+/// One frame of a rollout: where bodies begin, where free flight takes them, where the analytic law leads
+/// them from there if the law corrects it, and the contacts between.
 template <class Law>
 struct RolloutFrame {
-  std::vector<RigidState<double>> start, flown;
+  std::vector<RigidState<double>> start, flown, answered;
   typename Law::Frame contacts;
   typename Law::Network::Record record;
 };
@@ -46,11 +48,12 @@ class FrameGradient {
   static constexpr RigidState<double> zero{{}, {0, 0, 0, 0}, {}, {}};
 
   /// From the derivatives by the states where the frame ends to those by the states where it begins. Adds to
-  /// the derivatives by the parameters. bodies[i] is a System of body i alone.
+  /// the derivatives by the parameters. bodies[i] is a System of body i alone; `scenes` are the scenes of the
+  /// frame, one behind the other.
   void operator()(const Law& law, const Net& network, std::span<const System<double, 1>* const> bodies,
-                  const std::vector<Plane<double>>& planes, const Gravity<double>& gravity,
-                  RolloutFrame<Law>& frame, const States& by_end, States& by_start,
-                  ParameterGradient<Net>& gradient) {
+                  std::span<const SceneSystem* const> scenes, const std::vector<Plane<double>>& planes,
+                  const Gravity<double>& gravity, SceneStep::Velocity velocity, RolloutFrame<Law>& frame,
+                  const States& by_end, States& by_start, ParameterGradient<Net>& gradient) {
     const std::size_t count = bodies.size();
     const double time = law.scales.frame_time;
     by_flown_.assign(count, zero);
@@ -59,20 +62,46 @@ class FrameGradient {
     none.turned = {0, 0, 0, 0};
     by_flights_.assign(count, none);
     by_sums_.resize(count);
+    States& by_answered = Law::corrects ? by_answered_ : by_flown_;
+    const States& answered = Law::corrects ? frame.answered : frame.flown;
+    by_answered.assign(count, zero);
     for (std::size_t i = 0; i < count; ++i)
-      by_sums_[i] = add_pushed_gradient((*bodies[i])[0], frame.flown[i], frame.contacts.sums[i], by_end[i],
-                                        by_flown_[i]);
+      by_sums_[i] = add_pushed_gradient((*bodies[i])[0], answered[i], frame.contacts.sums[i] * law.weight,
+                                        by_end[i], by_answered[i]) *
+                    law.weight;
     back_through_contacts(law, network, frame, gradient);
+    if constexpr (Law::corrects) back_through_answers(scenes, frame, time);
     for (std::size_t k = 0; k < frame.contacts.contacts.size();)
       k = back_through_places(bodies, planes, frame.contacts, k);
     for (std::size_t i = 0; i < count; ++i) {
       add_flight_gradient((*bodies[i])[0], frame.start[i], frame.flown[i], time, by_flights_[i], by_start[i],
                           by_flown_[i]);
-      add_free_flight_gradient(*bodies[i], gravity, frame.start[i], time, by_flown_[i], by_start[i]);
+      add_free_flight_gradient(velocity, *bodies[i], gravity, frame.start[i], time, by_flown_[i],
+                               by_start[i]);
     }
   }
 
  private:
+  /// From the derivatives by what the analytic law made of the frame to those by its free flight.
+  void back_through_answers(std::span<const SceneSystem* const> scenes, const RolloutFrame<Law>& frame,
+                            double time) {
+    for (std::size_t i = 0; i < by_answered_.size(); ++i) {
+      // The impulses turn a body about where it was answered to be.
+      by_answered_[i].position += by_flights_[i].end;
+      by_flights_[i].end = {};
+    }
+    std::size_t base = 0;
+    for (const SceneSystem* scene : scenes) {
+      const auto n = static_cast<std::size_t>(scene->size());
+      const auto part = [&](const States& all) {
+        return std::span<const RigidState<double>>(all).subspan(base, n);
+      };
+      analytic_.add_gradient(*scene, part(frame.start), part(frame.flown), part(frame.answered), time,
+                             part(by_answered_), std::span(by_flown_).subspan(base, n));
+      base += n;
+    }
+  }
+
   /// From the derivatives by the bodies' sums to those by places and flights.
   void back_through_contacts(const Law& law, const Net& network, RolloutFrame<Law>& rollout,
                              ParameterGradient<Net>& gradient) {
@@ -135,12 +164,13 @@ class FrameGradient {
     return end;
   }
 
-  States by_flown_;
+  States by_flown_, by_answered_;
   std::vector<ContactFlight> by_flights_;
   std::vector<BodyImpulse> by_sums_;
   std::vector<ContactGradient> by_contacts_;
   typename Law::Frame::Columns by_outputs_, by_inputs_;
   std::vector<T> by_presence_;
+  AnalyticAnswer<SceneSystem> analytic_;
 };
 
 }  // namespace rbres::detail

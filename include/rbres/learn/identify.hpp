@@ -58,6 +58,8 @@ inline FitNumber fit_number(Unknown unknown, const TrajectorySet& set) {
       return {0, 0.1, 0, 10};
     case Unknown::size:
       return {1, 0.03, 0.8, 1.25};
+    case Unknown::offset:
+      return {0, 0.002, -0.1, 0.1};
     default:
       return {1, 0.2, 0.2, 5};
   }

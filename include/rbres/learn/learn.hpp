@@ -11,6 +11,7 @@
 ///     law.respond<AnyShape<double>>(bodies, planes, before, flown, workspace);
 #include <rbres/learn/contact_law.hpp>
 #include <rbres/learn/contact_law_simulator.hpp>
+#include <rbres/learn/hybrid_law.hpp>
 #include <rbres/learn/identify.hpp>
 #include <rbres/learn/learn_contacts.hpp>
 #include <rbres/learn/rollouts.hpp>

@@ -27,6 +27,9 @@ struct ContactLearning {
   double learning_rate = 2e-3;  ///< falls along half a cosine over all stages
   double largest_gradient = 1;  ///< longer ones are clipped
   RolloutLoss loss{};
+  /// What the velocities of the trajectories are. A law learned from means takes SemiImplicitEuler where it
+  /// is used, else Rk4.
+  SceneStep::Velocity velocity = SceneStep::Velocity::instant;
   std::uint64_t seed = 0;
   int threads = 0;  ///< 0: default_threads(); changes no bit of the result
 
@@ -148,7 +151,8 @@ class ContactTraining {
     law_ = untrained_law<Law>(train, options_.seed);
     double work = 0;
     for (const auto& stage : options_.stages) {
-      const auto windows = Rollouts<Law>(law_, train, stage.frames, stage.stride, options_.loss).count();
+      const auto windows =
+          Rollouts<Law>(law_, train, stage.frames, stage.stride, options_.loss, options_.velocity).count();
       work += static_cast<double>(windows) * stage.frames * stage.epochs;
       work_done_.push_back(work);
     }
@@ -198,8 +202,8 @@ class ContactTraining {
   std::unique_ptr<StageTrainer> trainer_of(int number, const typename Law::Network& network) const {
     const auto& stage = options_.stages[static_cast<std::size_t>(number)];
     auto trainer = std::make_unique<StageTrainer>(
-        network, Rollouts<Law>(law_, *train_, stage.frames, stage.stride, options_.loss),
-        Rollouts<Law>(law_, *validation_, stage.frames, 2 * stage.frames, options_.loss),
+        network, Rollouts<Law>(law_, *train_, stage.frames, stage.stride, options_.loss, options_.velocity),
+        Rollouts<Law>(law_, *validation_, stage.frames, 2 * stage.frames, options_.loss, options_.velocity),
         TrainingOptions{.epochs = stage.epochs,
                         .batch_size = stage.batch_size,
                         .l2 = 0,

@@ -3,6 +3,7 @@
 #include <rbres/learn/contact_flight.hpp>
 
 #include <cmath>
+#include <limits>
 
 namespace rbres {
 
@@ -16,6 +17,10 @@ struct RolloutLoss {
   Term rotation{1, 1};      ///< rad
   Term velocity{1, 3};      ///< m/s
   Term spin{0.01, 30};      ///< world frame, rad/s
+  /// On the way back through a rollout, how much more an error may count in all frames that follow than if it
+  /// stayed as it is (or, of velocities, grew with time). Impacts can make errors grow without bound; what
+  /// such rollouts say of their beginnings drowns all others, and is scaled down to this.
+  double largest_growth = std::numeric_limits<double>::infinity();
 };
 
 namespace detail {
@@ -46,6 +51,20 @@ inline double add_loss(const RolloutLoss& loss, const RigidState<double>& state,
   const Quat<double> by_between{2 * by_angle.x, 2 * by_angle.y, 2 * by_angle.z, 0};
   by_state.orientation = by_state.orientation + truth.orientation * by_between;
   return value;
+}
+
+/// Scales a body's derivative down to the loss's largest growth, in a rollout that lasts `time` (s); `share`
+/// is what all its errors are multiplied with, summed over frames.
+inline void limit_growth(const RolloutLoss& loss, double time, double share, RigidState<double>& by) {
+  const double p = loss.position.weight, r = loss.rotation.weight;
+  const Quat<double>& q = by.orientation;
+  const double squares = squared_norm(by.position) / square(p) + squared_norm(q) / square(r) +
+                         squared_norm(by.velocity) / square(loss.velocity.weight + time * p) +
+                         squared_norm(by.angular_velocity) / square(loss.spin.weight + time * r);
+  const double growth = std::sqrt(squares) / share;
+  if (growth <= loss.largest_growth) return;
+  by.vector() *= std::isfinite(growth) ? loss.largest_growth / growth : 0.0;
+  if (!by.vector().allFinite()) by.vector().setZero();
 }
 
 }  // namespace detail

@@ -25,15 +25,17 @@ class Rollouts {
   struct Scratch {
     std::vector<detail::RolloutFrame<Law>> frames;
     std::vector<const System<double, 1>*> bodies;
+    std::vector<const SceneSystem*> scenes;
     States states, by_end, by_start;
     detail::FrameGradient<Law> gradient;
   };
 
   /// Windows of `frames` + 1 frames, of which a scene's begin `stride` frames apart, of a set that must
-  /// outlive the objective. The law gives scales and normalisation. Throws Error where its frame time is not
-  /// the set's, or no scene is long enough.
-  Rollouts(const Law& law, const TrajectorySet& set, int frames, int stride, const RolloutLoss& loss = {})
-      : law_(law), set_(&set), frames_(frames), loss_(loss) {
+  /// outlive the objective. The law gives scales and normalisation; `velocity` says what the velocities of
+  /// the set are. Throws Error where the law's frame time is not the set's, or no scene is long enough.
+  Rollouts(const Law& law, const TrajectorySet& set, int frames, int stride, const RolloutLoss& loss = {},
+           SceneStep::Velocity velocity = SceneStep::Velocity::instant)
+      : law_(law), set_(&set), frames_(frames), loss_(loss), velocity_(velocity) {
     if (frames < 1) detail::refuse("Rollouts: frames", "at least 1", frames);
     if (stride < 1) detail::refuse("Rollouts: stride", "at least 1", stride);
     if (std::abs(set.frame_time() - law.scales.frame_time) > 1e-9 * law.scales.frame_time)
@@ -43,6 +45,7 @@ class Rollouts {
       for (int t = 0; t + frames < set[s].frames(); t += stride) windows_.push_back({s, t});
       first_.push_back(alone_.size());
       for (int i = 0; i < set[s].bodies(); ++i) alone_.push_back(System<double, 1>({set[s].body(i)}));
+      if constexpr (Law::corrects) scenes_.push_back(scene_system(set, set[s]));
     }
     if (windows_.empty())
       detail::refuse("Rollouts: scenes", detail::text("one of at least ", frames + 1, " frames"), "none");
@@ -73,8 +76,9 @@ class Rollouts {
     for (int t = frames_; t-- > 0;) {
       value +=
           add_losses(items, t + 1, t + 1 < frames_ ? own.frames[index(t + 1)].start : own.states, own.by_end);
-      own.gradient(law_, network, own.bodies, set_->planes(), Gravity<double>{set_->gravity()},
-                   own.frames[index(t)], own.by_end, own.by_start, gradient);
+      own.gradient(law_, network, own.bodies, own.scenes, set_->planes(), Gravity<double>{set_->gravity()},
+                   velocity_, own.frames[index(t)], own.by_end, own.by_start, gradient);
+      limit_growth(items, own.by_start);
       own.by_end.swap(own.by_start);
     }
     return value;
@@ -84,7 +88,9 @@ class Rollouts {
   std::uint64_t digest() const {
     detail::Digest digest;
     digest.add(static_cast<std::uint64_t>(frames_));
+    digest.add(static_cast<std::uint64_t>(velocity_));
     for (const double x : {law_.scales.frame_time, law_.scales.speed, law_.scales.margin}) digest.add(&x, 1);
+    digest.add(&loss_.largest_growth, 1);
     for (const auto& term : {loss_.position, loss_.rotation, loss_.velocity, loss_.spin})
       for (const double x : {term.weight, term.cap}) digest.add(&x, 1);
     digest.add(law_.input.mean.data(), static_cast<std::size_t>(law_.input.mean.size()));
@@ -116,12 +122,14 @@ class Rollouts {
     own.frames.resize(index(frames_));
     own.states.clear();
     own.bodies.clear();
+    own.scenes.clear();
     for (const std::uint32_t item : items) {
       const Window& window = windows_[item];
       const auto start = (*set_)[window.scene].frame(window.start);
       own.states.insert(own.states.end(), start.begin(), start.end());
       for (std::size_t i = 0; i < start.size(); ++i)
         own.bodies.push_back(&alone_[first_[index(window.scene)] + i]);
+      if constexpr (Law::corrects) own.scenes.push_back(&scenes_[index(window.scene)]);
     }
   }
 
@@ -129,9 +137,13 @@ class Rollouts {
   void forward(const Net& network, Items items, detail::RolloutFrame<Law>& frame, Scratch& own) const {
     frame.start = own.states;
     frame.flown.resize(own.states.size());
-    for (std::size_t i = 0; i < own.states.size(); ++i)
-      frame.flown[i] = fly(*own.bodies[i], Gravity<double>{set_->gravity()}, Rk4{},
-                           SystemState<double, 1>{{frame.start[i]}}, 0.0, law_.scales.frame_time)[0];
+    for (std::size_t i = 0; i < own.states.size(); ++i) {
+      SystemState<double, 1> alone{{frame.start[i]}};
+      detail::fly_on(velocity_, *own.bodies[i], Gravity<double>{set_->gravity()}, alone,
+                     law_.scales.frame_time);
+      frame.flown[i] = alone[0];
+    }
+    own.states = frame.flown;
     auto& contacts = frame.contacts;
     contacts.clear();
     std::size_t base = 0;
@@ -141,14 +153,23 @@ class Rollouts {
       contacts.add(detail::SceneView<AnyShape<double>>{{&scene.body(0), n}, set_->planes()},
                    std::span<const RigidState<double>>(frame.start).subspan(base, n),
                    std::span<const RigidState<double>>(frame.flown).subspan(base, n), law_.scales);
+      if constexpr (Law::corrects)
+        detail::AnalyticAnswer<SceneSystem>::resolve(
+            scenes_[index(windows_[item].scene)],
+            std::span<const RigidState<double>>(frame.start).subspan(base, n), law_.scales.frame_time,
+            std::span(own.states).subspan(base, n));
       base += n;
     }
     contacts.encode(law_.input, law_.scales);
     frame.record.forward(network, contacts.inputs, contacts.presence, contacts.ends, std::ssize(own.states),
                          contacts.outputs);
+    if constexpr (Law::corrects) {
+      frame.answered = own.states;
+      for (std::size_t i = 0; i < own.states.size(); ++i) contacts.flights[i].end = own.states[i].position;
+    }
     contacts.sum_impulses(law_.scales);
     for (std::size_t i = 0; i < own.states.size(); ++i)
-      own.states[i] = detail::pushed((*own.bodies[i])[0], frame.flown[i], contacts.sums[i]);
+      own.states[i] = detail::pushed((*own.bodies[i])[0], own.states[i], contacts.sums[i] * law_.weight);
   }
 
   /// What states cost that are t frames after the start.
@@ -166,13 +187,25 @@ class Rollouts {
     return value;
   }
 
+  void limit_growth(Items items, States& by_states) const {
+    if (std::isinf(loss_.largest_growth)) return;
+    std::size_t i = 0;
+    for (const std::uint32_t item : items) {
+      const int bodies = (*set_)[windows_[item].scene].bodies();
+      for (int k = 0; k < bodies; ++k)
+        detail::limit_growth(loss_, frames_ * law_.scales.frame_time, 1.0 / bodies, by_states[i++]);
+    }
+  }
+
   Law law_;
   const TrajectorySet* set_;
   int frames_;
   RolloutLoss loss_;
+  SceneStep::Velocity velocity_;
   std::vector<Window> windows_;
   std::vector<System<double, 1>> alone_;  ///< every body of every scene
   std::vector<std::size_t> first_;        ///< a scene's first body among them
+  std::vector<SceneSystem> scenes_;       ///< of a law that corrects the analytic one
 };
 
 }  // namespace rbres

@@ -2,7 +2,7 @@
 
 #include <array>
 #include <optional>
-#include <rbres/dynamics/free_flight.hpp>
+#include <rbres/learn/scene_step.hpp>
 #include <rbres/learn/scene_system.hpp>
 #include <rbres/sim/discrete_contact.hpp>
 #include <rbres/sim/options.hpp>
@@ -18,9 +18,10 @@ enum class Unknown {
   mass,         ///< factor on every mass; inertia stays
   inertia,      ///< factor on every moment of inertia
   size,         ///< factor on every length of every shape; inertia stays
+  offset,       ///< added to every plane's offset, m
 };
 inline constexpr std::array unknown_names{"restitution", "friction", "gravity", "damping",
-                                          "mass",        "inertia",  "size"};
+                                          "mass",        "inertia",  "size",    "offset"};
 inline const char* name(Unknown u) { return unknown_names[static_cast<std::size_t>(u)]; }
 
 /// Numbers that stand in for those of a trajectory set; where there is none, the set's own holds.
@@ -31,20 +32,46 @@ class WorldNumbers {
 
   /// A scene's bodies, and the set's planes.
   SceneSystem system(const TrajectorySet& set, const Trajectory& scene) const {
-    std::vector<Body<double>> bodies;
-    for (int i = 0; i < scene.bodies(); ++i) bodies.push_back(body(scene.body(i)));
-    std::vector<Plane<double>> planes = set.planes();
-    for (Plane<double>& plane : planes) plane.material = material(plane.material);
-    return {std::move(bodies), std::move(planes)};
+    return {bodies(scene), planes(set)};
   }
   Forces<Gravity<double>, Damping<double>> forces(const TrajectorySet& set) const {
-    Vec3<double> g = set.gravity();
-    if (const auto& strength = (*this)[Unknown::gravity]) g = (*strength / norm(g)) * g;
     const double damping = (*this)[Unknown::damping].value_or(0);
-    return {Gravity{g}, Damping{damping, damping}};
+    return {Gravity{gravity(set)}, Damping{damping, damping}};
+  }
+  /// The same trajectories in the world of these numbers, to learn in. Throws Error where there is damping,
+  /// which a set does not have.
+  TrajectorySet world_of(const TrajectorySet& set) const {
+    if (const double damping = (*this)[Unknown::damping].value_or(0); damping != 0)
+      detail::refuse("damping of a trajectory set", "none", damping);
+    std::vector<Trajectory> scenes;
+    for (const Trajectory& scene : set) {
+      std::vector<RigidState<double>> states;
+      for (int t = 0; t < scene.frames(); ++t)
+        states.insert(states.end(), scene.frame(t).begin(), scene.frame(t).end());
+      scenes.emplace_back(bodies(scene), std::move(states));
+    }
+    return {set.frame_time(), gravity(set), planes(set), std::move(scenes)};
   }
 
  private:
+  std::vector<Body<double>> bodies(const Trajectory& scene) const {
+    std::vector<Body<double>> all;
+    for (int i = 0; i < scene.bodies(); ++i) all.push_back(body(scene.body(i)));
+    return all;
+  }
+  std::vector<Plane<double>> planes(const TrajectorySet& set) const {
+    std::vector<Plane<double>> all = set.planes();
+    for (Plane<double>& plane : all) {
+      plane.material = material(plane.material);
+      plane.offset += (*this)[Unknown::offset].value_or(0);
+    }
+    return all;
+  }
+  Vec3<double> gravity(const TrajectorySet& set) const {
+    const Vec3<double>& g = set.gravity();
+    if (const auto& strength = (*this)[Unknown::gravity]) return (*strength / norm(g)) * g;
+    return g;
+  }
   Body<double> body(const Body<double>& nominal) const {
     const auto factor = [&](Unknown u) { return (*this)[u].value_or(1); };
     return nominal.scaled(factor(Unknown::size), factor(Unknown::mass), factor(Unknown::inertia),
@@ -59,15 +86,8 @@ class WorldNumbers {
   std::array<std::optional<double>, unknown_names.size()> number_;
 };
 
-/// How a scene is simulated: by discrete contacts, in equal steps from frame to frame.
-struct SceneStep {
-  int steps = 1;  ///< in a frame
-  /// What a frame's velocity is: at its time, or the mean since the frame before (position after = position
-  /// before + frame time * velocity after), as differences of measured positions are.
-  enum class Velocity { instant, mean } velocity = Velocity::instant;
-};
-
-/// Takes the bodies of one scene from frame to frame. Not copied: its parts know one another's places.
+/// Takes the bodies of one scene from frame to frame, with discrete contacts. Not copied: its parts know one
+/// another's places.
 class SceneSimulator {
  public:
   /// What is not in `numbers` is as in the set, of which the scene is one. Throws Error for numbers that no
@@ -88,11 +108,7 @@ class SceneSimulator {
   void operator()(SceneState& state) {
     for (int k = 0; k < step_.steps; ++k) {
       before_ = state;
-      if (step_.velocity == SceneStep::Velocity::mean) {
-        fly_on(system_, forces_, SemiImplicitEuler{}, state, 0.0, h_);
-      } else {
-        fly_on(system_, forces_, Rk4{}, state, 0.0, h_);
-      }
+      detail::fly_on(step_.velocity, system_, forces_, state, h_);
       contacts_.resolve(before_, state, h_, SimulationOptions{}.rest_speed, tally_);
     }
   }

@@ -5,33 +5,45 @@
 namespace rbres {
 
 /// Where the bodies of a scene are, as many as it has.
-struct SceneState {
-  std::vector<RigidState<double>> body;
+template <class S>
+struct BasicSceneState {
+  std::vector<RigidState<S>> body;
 
-  RigidState<double>& operator[](int i) { return body[static_cast<std::size_t>(i)]; }
-  const RigidState<double>& operator[](int i) const { return body[static_cast<std::size_t>(i)]; }
+  RigidState<S>& operator[](int i) { return body[static_cast<std::size_t>(i)]; }
+  const RigidState<S>& operator[](int i) const { return body[static_cast<std::size_t>(i)]; }
 };
+using SceneState = BasicSceneState<double>;
 
 /// A System whose number of bodies is known when the program runs: for flight, detection and discrete
 /// contacts.
-class SceneSystem {
+template <class S>
+class BasicSceneSystem {
  public:
-  using Scalar = double;
-  using Shape = AnyShape<double>;
-  using BodyType = Body<double>;
-  using State = SceneState;
+  using Scalar = S;
+  using Shape = AnyShape<S>;
+  using BodyType = Body<S>;
+  using State = BasicSceneState<S>;
   static constexpr int bodies = -1;  ///< see bodies_of
 
-  SceneSystem(std::vector<BodyType> all, std::vector<Plane<double>> planes)
+  /// Throws Error where a plane's normal is not a unit vector.
+  BasicSceneSystem(std::vector<BodyType> all, std::vector<Plane<S>> planes)
       : bodies_(std::move(all)), planes_(detail::checked_planes(std::move(planes))) {}
 
   int size() const { return static_cast<int>(bodies_.size()); }
   const BodyType& operator[](int i) const { return bodies_[static_cast<std::size_t>(i)]; }
-  const std::vector<Plane<double>>& planes() const { return planes_; }
+  const std::vector<Plane<S>>& planes() const { return planes_; }
 
  private:
   std::vector<BodyType> bodies_;
-  std::vector<Plane<double>> planes_;
+  std::vector<Plane<S>> planes_;
 };
+using SceneSystem = BasicSceneSystem<double>;
+
+/// The bodies of a scene of a set, and the set's planes.
+inline SceneSystem scene_system(const TrajectorySet& set, const Trajectory& scene) {
+  std::vector<Body<double>> bodies;
+  for (int i = 0; i < scene.bodies(); ++i) bodies.push_back(scene.body(i));
+  return {std::move(bodies), set.planes()};
+}
 
 }  // namespace rbres
