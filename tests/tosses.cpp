@@ -171,9 +171,9 @@ TEST_CASE("the floor is where cubes come to rest, and there tosses end") {
 TEST_CASE("the program prints a row for each predictor, and refuses what it does not know") {
   const TemporaryFolder folder;
   const auto write = [&](const char* file, int count) {
-    write_npy(folder / file, rows_of(made_tosses(make_simulator(world, numbers(0.1, 0.2)), count, 90)));
+    write_npy(folder / file, rows_of(made_tosses(make_simulator(world, numbers(0.1, 0.2)), count, 82)));
   };
-  write("train.npy", 10);
+  write("train.npy", 8);
   write("validation.npy", 2);
   const Outcome outcome = run(folder, RBRES_TOSSES_PROGRAM, ". --json");
   CAPTURE(outcome.err);
