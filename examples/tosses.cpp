@@ -35,8 +35,8 @@ constexpr const char* usage =
     "says why.\n";
 
 constexpr SceneStep::Velocity mean = SceneStep::Velocity::mean;
-using Law = ContactLaw<64, 2>;
-using Hybrid = HybridLaw<64, 2>;
+using Law = ContactLaw<48, 2>;
+using Hybrid = HybridLaw<48, 2>;
 
 /// Positions count in 1.4 cm, angles in 0.1 rad. From single frames to whole tosses; the hybrid starts from
 /// the simulator, which is right in the main, with long rollouts.
@@ -48,7 +48,7 @@ ContactLearning learning(std::vector<ContactLearning::Stage> stages, double rate
           .seed = 1};
 }
 const ContactLearning law_learning =
-    learning({{1, 1, 2, 256}, {4, 2, 4, 64}, {16, 4, 10, 32}, {40, 4, 10, 32}, {79, 4, 24, 32}}, 2e-3);
+    learning({{1, 1, 2, 256}, {4, 2, 4, 64}, {16, 4, 8, 32}, {40, 8, 10, 32}, {79, 8, 20, 32}}, 2e-3);
 const ContactLearning hybrid_learning = learning({{40, 8, 8, 64}, {79, 4, 16, 64}}, 5e-4);
 
 /// Friction, restitution, gravity, inertia and size; and the floor's height, which with the cube's size says
