@@ -194,16 +194,14 @@ class DiscreteContact {
       }
     };
     if (!any(shared_)) {
-      for (const Pair& pair : pairs_) meet_pair(pair, MaskOf<S>(true));
+      for (const Pair& pair : pairs_) meet_pair(pair, pair.open);
       return;
     }
     for (Pair& pair : pairs_) {
       with_manifold(*system_, y, pair.first, pair.second, [&](const auto& m, auto) {
-        pair.depth = S(0);
         for (std::size_t i = 0; i < std::decay_t<decltype(m)>::points; ++i)
           pair.depth = maximum(pair.depth, S(-m.gap[i]));
       });
-      pair.open = MaskOf<S>(true);
     }
     // In each round every lane takes the deepest of the pairs that it has left.
     for (std::size_t round = 0; round < pairs_.size(); ++round) {
@@ -224,7 +222,7 @@ class DiscreteContact {
   struct Pair {
     int first, second;  ///< as in Candidate
     S depth;            ///< at the end of the step, m
-    MaskOf<S> open;     ///< not yet taken
+    MaskOf<S> open;     ///< near each other when the pairs were found, and not yet taken
   };
 
   /// Whether a pair has the body already. A type of its own, because a vector of bool gives no references.
