@@ -62,6 +62,19 @@ template <class T>
   std::memcpy(to, &x, sizeof x);
 }
 
+/// Whether no number of the block is infinite or NaN; size is a multiple of simd_width<T>.
+template <class T>
+bool all_finite(const T* block, std::size_t size) noexcept {
+  Simd<T> sum{};  // of zeros, and of NaN where a number is not finite
+  for (std::size_t at = 0; at < size; at += simd_width<T>) {
+    const Simd<T> x = load(block + at);
+    sum += x - x;
+  }
+  for (int i = 0; i < simd_width<T>; ++i)
+    if (!(sum[i] == 0)) return false;
+  return true;
+}
+
 /// f of every lane. f must not be one that the compiler has a vector instruction for: it is called lane by
 /// lane, and that takes longer than a call.
 template <class V, class F>

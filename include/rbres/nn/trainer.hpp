@@ -258,8 +258,7 @@ class Trainer {
     TrainingProgress& progress = state_.progress;
     const double loss = losses.monitored();
     // A loss on the validation items sees the newest weights; that of the epoch is older than its last step.
-    const bool is_sound =
-        evaluation_ || std::ranges::all_of(current().parameters(), [](Scalar w) { return std::isfinite(w); });
+    const bool is_sound = evaluation_ || detail::all_finite(current().parameters().data(), Net::block_size);
     if (!std::isfinite(losses.train_loss) || !std::isfinite(loss) || !is_sound) {
       progress.status = TrainingStatus::diverged;
       return;
