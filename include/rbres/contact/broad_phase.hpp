@@ -48,7 +48,7 @@ class BroadPhase {
  public:
   explicit BroadPhase(std::size_t planes) {
     for (int i = 0; i < N; ++i) order_[static_cast<std::size_t>(i)] = i;
-    pairs_.reserve(N * (N - 1) / 2 + N * planes);
+    pairs_.reserve(detail::most_pairs(N, planes));
   }
 
   /// `reach` is each body's bounding radius plus the way it may go (m).

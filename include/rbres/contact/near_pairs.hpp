@@ -14,6 +14,15 @@ struct Candidate {
 
 namespace detail {
 
+/// How many pairs there are at most among so many bodies, and between them and planes.
+constexpr std::size_t most_pairs(std::size_t bodies, std::size_t planes) {
+  return bodies * (bodies - 1) / 2 + bodies * planes;
+}
+template <class System>
+std::size_t most_pairs(const System& system) {
+  return most_pairs(static_cast<std::size_t>(bodies_of(system)), system.planes().size());
+}
+
 /// A pair whose bounding balls overlap.
 template <class S>
 struct NearPair {

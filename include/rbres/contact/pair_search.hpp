@@ -7,12 +7,6 @@
 
 namespace rbres::detail {
 
-template <class System>
-std::size_t most_pairs(const System& system) {
-  const std::size_t N = System::bodies;
-  return N * (N - 1) / 2 + N * system.planes().size();
-}
-
 /// Finds the pairs that may touch over a part of a step: those whose bounding balls, grown by the ways that
 /// their bodies may go, overlap.
 template <class System>

@@ -170,7 +170,7 @@ class DiscreteContact {
  public:
   explicit DiscreteContact(const System& system) : system_(&system) {
     const auto n = static_cast<std::size_t>(bodies_of(system));
-    pairs_.reserve(n * (n - 1) / 2 + n * system.planes().size());
+    pairs_.reserve(most_pairs(system));
     used_.reserve(n);
     gained_.reserve(n);
   }
