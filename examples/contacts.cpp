@@ -50,11 +50,7 @@ Identification identify_world(const TrajectorySet& fit, const TrajectorySet& cho
     least = error;
     best = found;
   }
-  for (std::size_t i = 0; i < best.unknowns.size(); ++i) {
-    const auto k = static_cast<Eigen::Index>(i);
-    std::fprintf(stderr, "  %-12s %9.4f +- %.4f\n", name(best.unknowns[i]), best.value(k),
-                 best.standard_error(k));
-  }
+  print_numbers(best);
   return best;
 }
 
@@ -92,9 +88,8 @@ void run(const Options& options) {
   const contacts_program::Deadline deadline(options.minutes);
   const std::filesystem::path folder = options.folder;
   const TrajectorySet train = read_training_scenes(folder / "train", options.scenes);
-  // Models are chosen by one scene in ten, the last.
-  const int apart = std::max(1, train.size() / 10);
-  const TrajectorySet fit = train.subset(0, train.size() - apart), choose = train.subset(fit.size(), apart);
+  const Parts parts(train);
+  const TrajectorySet &fit = parts.fit, &choose = parts.choose;
   detail::naming([&] { return (folder / "train").string() + ", "; },
                  [&] { return untrained_law<contacts_program::Law>(fit, options.seed); });
 
@@ -133,7 +128,8 @@ void run(const Options& options) {
                    name, failed, test.size());
     }
   };
-  add("contact-free flow", [&](const Trajectory& s) { return contacts_program::FreeFlight(test, s); });
+  add("contact-free flow",
+      [&](const Trajectory& s) { return FreeFlight(test, s, SceneStep::Velocity::instant); });
   add("fitted simulator",
       [&](const Trajectory& s) { return SceneSimulator(test, s, world.numbers(), world.step); });
   add("fitted spring-damper", [&](const Trajectory& s) { return SpringDamperSimulator(test, s, spring); });

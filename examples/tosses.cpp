@@ -9,6 +9,7 @@
 #include <rbres/learn/identify.hpp>
 #include <rbres/learn/learn_contacts.hpp>
 
+#include "common/scenes.hpp"
 #include "tosses/score.hpp"
 #include "tosses/toss.hpp"
 
@@ -58,26 +59,14 @@ Identification identify_world(const TrajectorySet& tosses) {
   options.unknowns.push_back(Unknown::offset);
   const Identification found = identify(tosses, options);
   std::fprintf(stderr, "%d tosses\n", tosses.size());
-  for (std::size_t i = 0; i < found.unknowns.size(); ++i) {
-    const auto k = static_cast<Eigen::Index>(i);
-    std::fprintf(stderr, "  %-12s %9.4f +- %.4f\n", name(found.unknowns[i]), found.value(k),
-                 found.standard_error(k));
-  }
+  print_numbers(found);
   return found;
 }
-
-/// The tosses to learn from, and those that decide which weights are the best: one in ten, the last.
-struct Parts {
-  TrajectorySet train, apart;
-  explicit Parts(const TrajectorySet& all)
-      : train(all.subset(0, all.size() - std::max(1, all.size() / 10))),
-        apart(all.subset(train.size(), all.size() - train.size())) {}
-};
 
 template <class L>
 L learned(const char* name, const Parts& tosses, const ContactLearning& options) {
   const auto start = std::chrono::steady_clock::now();
-  return learn_contacts<L>(tosses.train, tosses.apart, options, [&](const ContactLearningReport& report) {
+  return learn_contacts<L>(tosses.fit, tosses.choose, options, [&](const ContactLearningReport& report) {
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     std::fprintf(stderr, "%s: rollouts of %d frames, epoch %llu of %d, loss %.3f, %.0f s to go\n", name,
                  options.stages[static_cast<std::size_t>(report.stage)].frames,
@@ -119,8 +108,8 @@ void run(const std::filesystem::path& folder, std::filesystem::path test_file, b
   const Parts parts(until_rest(tosses, 81));
   const auto law = learned<Law>("network", parts, law_learning);
   auto hybrid = learned<Hybrid>("hybrid", parts, hybrid_learning);
-  hybrid.weight = best_weight(hybrid, parts.apart);
-  const auto free = [&](const Trajectory& toss) { return FreeFlight(nominal, toss); };
+  hybrid.weight = best_weight(hybrid, parts.choose);
+  const auto free = [&](const Trajectory& toss) { return FreeFlight(nominal, toss, mean); };
   const auto fitted = [&](const Trajectory& toss) { return SceneSimulator(test, toss, {}, world.step); };
   const Row rows[] = {
       {"contact-free flow", score(nominal, free)},

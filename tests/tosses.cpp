@@ -26,7 +26,7 @@ State thrown(std::uint64_t seed) {
 }
 
 auto make_free_flight(const TrajectorySet& set) {
-  return [&](const Trajectory& toss) { return FreeFlight(set, toss); };
+  return [&](const Trajectory& toss) { return FreeFlight(set, toss, SceneStep::Velocity::mean); };
 }
 WorldNumbers numbers(double restitution, double friction) {
   WorldNumbers all;

@@ -3,31 +3,12 @@
 
 #include <chrono>
 #include <rbres/core/lie.hpp>
-#include <rbres/dynamics/free_flight.hpp>
-#include <rbres/learn/scene_system.hpp>
 #include <string>
 #include <vector>
 
+#include "../common/scenes.hpp"
+
 namespace rbres::contacts_program {
-
-/// Free flight: contacts do nothing.
-class FreeFlight {
- public:
-  FreeFlight(const TrajectorySet& set, const Trajectory& scene)
-      : system_(bodies_of(scene), set.planes()), gravity_{set.gravity()}, h_(set.frame_time()) {}
-  void operator()(SceneState& state) { fly_on(system_, gravity_, Rk4{}, state, 0.0, h_); }
-
-  static std::vector<Body<double>> bodies_of(const Trajectory& scene) {
-    std::vector<Body<double>> bodies;
-    for (int i = 0; i < scene.bodies(); ++i) bodies.push_back(scene.body(i));
-    return bodies;
-  }
-
- private:
-  SceneSystem system_;
-  Gravity<double> gravity_;
-  double h_;
-};
 
 /// Mean errors over scenes and bodies, so many frames after the first.
 struct Row {
@@ -95,7 +76,7 @@ std::vector<Row> score(const std::string& name, const TrajectorySet& set, const 
     seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     if (!good) {
       ++failed;
-      add_scene(scene, FreeFlight(set, scene), frames, rows);
+      add_scene(scene, FreeFlight(set, scene, SceneStep::Velocity::instant), frames, rows);
     }
     for (std::size_t k = 0; k < frames.size(); ++k)
       if (frames[k] < scene.frames()) bodies[k] += scene.bodies();

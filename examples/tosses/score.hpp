@@ -3,26 +3,10 @@
 #include <algorithm>
 #include <rbres/core/lie.hpp>
 #include <rbres/core/parallel.hpp>
-#include <rbres/learn/scene_step.hpp>
 #include <rbres/learn/scene_system.hpp>
 #include <vector>
 
 namespace rbres::tosses {
-
-/// Free flight: contacts do nothing.
-class FreeFlight {
- public:
-  FreeFlight(const TrajectorySet& set, const Trajectory& scene)
-      : system_(scene_system(set, scene)), gravity_{set.gravity()}, h_(set.frame_time()) {}
-  void operator()(SceneState& state) {
-    detail::fly_on(SceneStep::Velocity::mean, system_, gravity_, state, h_);
-  }
-
- private:
-  SceneSystem system_;
-  Gravity<double> gravity_;
-  double h_;
-};
 
 /// Mean errors over the frames 1, ..., 80 and the tosses of a rollout from frame 0; a toss that ends earlier
 /// counts with the frames it has.

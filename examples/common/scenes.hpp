@@ -1,0 +1,46 @@
+// What programs that learn from the scenes of a trajectory set share.
+#pragma once
+
+#include <algorithm>
+#include <cstdio>
+#include <rbres/learn/identify.hpp>
+#include <rbres/learn/scene_step.hpp>
+#include <rbres/learn/scene_system.hpp>
+
+namespace rbres {
+
+/// Free flight from frame to frame: contacts do nothing.
+class FreeFlight {
+ public:
+  FreeFlight(const TrajectorySet& set, const Trajectory& scene, SceneStep::Velocity velocity)
+      : system_(scene_system(set, scene)),
+        gravity_{set.gravity()},
+        velocity_(velocity),
+        h_(set.frame_time()) {}
+  void operator()(SceneState& state) { detail::fly_on(velocity_, system_, gravity_, state, h_); }
+
+ private:
+  SceneSystem system_;
+  Gravity<double> gravity_;
+  SceneStep::Velocity velocity_;
+  double h_;
+};
+
+/// The scenes to learn from, and those that decide which model is the best: one in ten, the last.
+struct Parts {
+  TrajectorySet fit, choose;
+  explicit Parts(const TrajectorySet& all)
+      : fit(all.subset(0, all.size() - std::max(1, all.size() / 10))),
+        choose(all.subset(fit.size(), all.size() - fit.size())) {}
+};
+
+/// Prints to stderr what was found, with its standard errors.
+inline void print_numbers(const Identification& found) {
+  for (std::size_t i = 0; i < found.unknowns.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    std::fprintf(stderr, "  %-12s %9.4f +- %.4f\n", name(found.unknowns[i]), found.value(k),
+                 found.standard_error(k));
+  }
+}
+
+}  // namespace rbres
