@@ -1,5 +1,8 @@
 #pragma once
 
+#include <doctest/doctest.h>
+
+#include <rbres/body/mechanics.hpp>
 #include <rbres/learn/contact_law.hpp>
 #include <rbres/learn/trajectory.hpp>
 
@@ -47,6 +50,41 @@ inline SystemState<double, 4> close_together(std::uint64_t seed) {
     y[i].angular_velocity = random_vector(r, 3);
   }
   return y;
+}
+
+inline double distance(const RigidState<double>& a, const RigidState<double>& b) {
+  return (a.vector() - b.vector()).norm();
+}
+/// The same bodies in a world that is turned, then shifted.
+inline SystemState<double, 4> turned(SystemState<double, 4> y, const Quat<double>& turn,
+                                     const Vec3<double>& shift) {
+  for (int i = 0; i < 4; ++i) {
+    y[i].position = rotate(turn, y[i].position) + shift;
+    y[i].orientation = turn * y[i].orientation;
+    y[i].velocity = rotate(turn, y[i].velocity);
+  }
+  return y;
+}
+
+/// Checks that a law's impulses, for random networks, keep linear and angular momentum beside what the system
+/// does without them. `without(y)` is a frame of that, `with(seed, y)` one of the law. Returns the change of
+/// all velocities.
+template <class Without, class With>
+double check_momentum(const System<double, 4>& system, const Without& without, const With& with) {
+  double moved = 0;
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    auto y = close_together(seed);
+    for (int i = 0; i < 4; ++i) y[i].position.x += 3;  // far from the origin
+    const SystemState<double, 4> before = without(y), after = with(seed, y);
+    double size = 0;
+    for (int i = 0; i < 4; ++i) {
+      moved += norm(after[i].velocity - before[i].velocity);
+      size += norm(angular_momentum(system[i], after[i]));
+    }
+    CHECK(norm(linear_momentum(system, after) - linear_momentum(system, before)) < 1e-12);
+    CHECK(norm(angular_momentum(system, after) - angular_momentum(system, before)) < 1e-13 * size);
+  }
+  return moved;
 }
 
 /// One frame of a law after free flight under gravity.
