@@ -113,12 +113,8 @@ TEST_CASE("checkpoints of other scenes, options or stages are refused, and chang
   refused(scenes.train, other);
   // Heavier balls take the same ways.
   std::vector<Trajectory> heavy;
-  for (const Trajectory& scene : scenes.train) {
-    std::vector<RigidState<double>> states;
-    for (int t = 0; t < scene.frames(); ++t)
-      states.insert(states.end(), scene.frame(t).begin(), scene.frame(t).end());
-    heavy.push_back({{{Sphere{0.1}, 2.0}, {Sphere{0.1}, 2.0}}, states});
-  }
+  for (const Trajectory& scene : scenes.train)
+    heavy.push_back({{{Sphere{0.1}, 2.0}, {Sphere{0.1}, 2.0}}, scene.states()});
   refused({0.01, {0, 0, 0}, scenes.train.planes(), heavy}, brief);
   Training training(scenes.train, scenes.validation, brief);
   CHECK_THROWS_AS(training.restore(2, [](auto&) {}), Error);

@@ -101,9 +101,7 @@ inline TrajectorySet until_rest(const TrajectorySet& set, int least) {
     };
     while (end > 2 && !moves(toss.state(end - 1, 0))) --end;
     end = std::min(toss.frames(), std::max(end + 5, least));
-    std::vector<State> frames;
-    for (int t = 0; t < end; ++t) frames.push_back(toss.state(t, 0));
-    all.push_back({{toss.body(0)}, std::move(frames)});
+    all.push_back({{toss.body(0)}, {toss.states().begin(), toss.states().begin() + end}});
   }
   return {set.frame_time(), set.gravity(), set.planes(), std::move(all)};
 }

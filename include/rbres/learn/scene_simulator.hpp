@@ -44,12 +44,7 @@ class WorldNumbers {
     if (const double damping = (*this)[Unknown::damping].value_or(0); damping != 0)
       detail::refuse("damping of a trajectory set", "none", damping);
     std::vector<Trajectory> scenes;
-    for (const Trajectory& scene : set) {
-      std::vector<RigidState<double>> states;
-      for (int t = 0; t < scene.frames(); ++t)
-        states.insert(states.end(), scene.frame(t).begin(), scene.frame(t).end());
-      scenes.emplace_back(bodies(scene), std::move(states));
-    }
+    for (const Trajectory& scene : set) scenes.emplace_back(bodies(scene), scene.states());
     return {set.frame_time(), gravity(set), planes(set), std::move(scenes)};
   }
 

@@ -43,6 +43,8 @@ class Trajectory {
   std::span<const State> frame(int t) const {
     return std::span(states_).subspan(static_cast<std::size_t>(t) * bodies_.size(), bodies_.size());
   }
+  /// Of all frames, one behind the other.
+  const std::vector<State>& states() const { return states_; }
   const State& state(int t, int i) const { return frame(t)[static_cast<std::size_t>(i)]; }
 
  private:
