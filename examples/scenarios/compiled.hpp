@@ -11,20 +11,13 @@ using namespace rbres;
 /// depends on all of them, so that no part of the work is left out.
 template <BodySet Set, int N>
 double simulate_in_lanes_of(World world, const std::vector<Scenario>& all, const SimulationOptions& options) {
-  using S = Pack<double, std::max(native_lanes<double>, 2)>;
   std::vector<Scenario> scenarios;
   std::ranges::copy_if(all, std::back_inserter(scenarios), [](const Scenario& s) { return s.bodies == N; });
-  const auto at = [&](std::ptrdiff_t i) -> const Scenario& { return scenarios[static_cast<std::size_t>(i)]; };
   double sum = 0;
-  simulate_batch<S>(
-      scenario_system<Set, N>(world), std::ssize(scenarios),
-      [&](std::ptrdiff_t i) {
-        SystemState<double, N> y;
-        std::copy_n(at(i).state.body.begin(), N, y.body.begin());
-        return y;
-      },
-      [&](const auto& lanes) { return scenario_forces<Set>(detail::lane_wrenches<S, N>(lanes, at)); }, Rk4{},
-      options, [&](const auto& sample) { sum += sample.state[0].position.x; }, 1);
+  detail::simulate_lanes<Set, N>(
+      world, std::ssize(scenarios),
+      [&](std::ptrdiff_t i) -> const Scenario& { return scenarios[static_cast<std::size_t>(i)]; }, options,
+      [&](const auto& sample) { sum += sample.state[0].position.x; }, 1);
   return sum;
 }
 

@@ -54,22 +54,28 @@ ConstantWrench<S, N> lane_wrenches(const Index& lanes, const At& scenario_at) {
 /// How many scenarios truth is made of at a time, in lanes: it decides the last bits.
 inline constexpr int truth_lanes = std::max(native_lanes<double>, 2);
 
-template <BodySet Set, int N>
-void simulate_scenarios(World world, std::span<const Scenario> all, const std::vector<std::size_t>& chosen,
-                        const TruthOptions& options, Eigen::Index start, ScenarioData& data) {
+/// Simulates `count` scenarios at(i) of N bodies each, in lanes; see(sample) as in simulate_batch.
+template <BodySet Set, int N, class At, class See>
+void simulate_lanes(World world, std::ptrdiff_t count, const At& at, const SimulationOptions& options,
+                    const See& see, int threads) {
   using S = Pack<double, truth_lanes>;
-  const auto system = scenario_system<Set, N>(world);
-  const auto at = [&](std::ptrdiff_t i) -> const Scenario& {
-    return all[chosen[static_cast<std::size_t>(i)]];
-  };
   simulate_batch<S>(
-      system, static_cast<std::ptrdiff_t>(chosen.size()),
+      scenario_system<Set, N>(world), count,
       [&](std::ptrdiff_t i) {
         SystemState<double, N> y;
         std::copy_n(at(i).state.body.begin(), N, y.body.begin());
         return y;
       },
-      [&](const auto& lanes) { return scenario_forces<Set>(lane_wrenches<S, N>(lanes, at)); }, Rk4{},
+      [&](const auto& lanes) { return scenario_forces<Set>(lane_wrenches<S, N>(lanes, at)); }, Rk4{}, options,
+      see, threads);
+}
+
+template <BodySet Set, int N>
+void simulate_scenarios(World world, std::span<const Scenario> all, const std::vector<std::size_t>& chosen,
+                        const TruthOptions& options, Eigen::Index start, ScenarioData& data) {
+  simulate_lanes<Set, N>(
+      world, std::ssize(chosen),
+      [&](std::ptrdiff_t i) -> const Scenario& { return all[chosen[static_cast<std::size_t>(i)]]; },
       {.step = options.step, .duration = data.horizons.back(), .sample_rate = options.sample_rate},
       [&](const auto& sample) {
         const std::size_t column =
