@@ -45,6 +45,15 @@ function(rbres_program name)
   endif()
 endfunction()
 
+# rbres_objects(NAME SOURCE...): sources of ours that several programs link, compiled once.
+function(rbres_objects name)
+  add_library(${name} OBJECT ${ARGN})
+  target_link_libraries(${name} PUBLIC rbres::rbres rbres_development)
+  if(OpenMP_CXX_FOUND)
+    target_link_libraries(${name} PUBLIC OpenMP::OpenMP_CXX)
+  endif()
+endfunction()
+
 # rbres_find_peer(TARGET HEADER LIBRARY...): an imported target if all are found. Debian's own CMake packages of
 # these libraries name files of packages that they do not depend on.
 function(rbres_find_peer target header)
