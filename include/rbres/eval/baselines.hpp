@@ -78,6 +78,7 @@ struct Simulated {
   }
 };
 
+// Not inline, so that a program may compile it once.
 template <BodySet Set>
 void Simulated<Set>::rollout(const SystemState<double, 5>& y, const std::array<Wrench<double>, 5>& wrench,
                              std::span<SystemState<double, 5>> states, int present) const {
