@@ -12,6 +12,10 @@
 namespace {
 
 using namespace rbres;
+using contacts_program::Deadline;
+using contacts_program::Hybrid;
+using contacts_program::Law;
+using contacts_program::learn_law;
 using contacts_program::Row;
 
 struct Options {
@@ -31,27 +35,48 @@ double error_of(const TrajectorySet& set, const Make& make) {
   return contacts_program::mean_position(contacts_program::score("", set, make, failed));
 }
 
+/// What was identified.
+struct Worlds {
+  Identification best;
+  Identification one_step;  ///< the best of those that take a frame in one step, as a hybrid does
+};
+
 /// How a scene is stepped: fitted with each, that which is closest to the scenes kept apart.
-Identification identify_world(const TrajectorySet& fit, const TrajectorySet& choose) {
+Worlds identify_worlds(const TrajectorySet& fit, const TrajectorySet& choose) {
   IdentifyOptions options{.window = 50, .most_states = 20'000};
   if (!(squared_norm(fit.gravity()) > 0)) std::erase(options.unknowns, Unknown::gravity);
-  Identification best;
+  Worlds found;
   double least = std::numeric_limits<double>::infinity();
   using enum SceneStep::Velocity;
   for (const SceneStep& step : {SceneStep{1, mean}, SceneStep{1, instant}, SceneStep{5, instant}}) {
     options.step = step;
-    const Identification found = identify(fit, options);
+    const Identification world = identify(fit, options);
     const double error = error_of(
-        choose, [&](const Trajectory& s) { return SceneSimulator(choose, s, found.numbers(), step); });
+        choose, [&](const Trajectory& s) { return SceneSimulator(choose, s, world.numbers(), step); });
     std::fprintf(stderr, "simulator, %d step%s a frame, velocities %s: %.4f m from the scenes kept apart\n",
                  step.steps, step.steps == 1 ? "" : "s",
                  step.velocity == mean ? "of the frame before" : "instant", error);
     if (!(error < least)) continue;
     least = error;
-    best = found;
+    found.best = world;
+    if (step.steps == 1) found.one_step = world;
   }
-  print_numbers(best);
-  return best;
+  print_numbers(found.best);
+  return found;
+}
+
+/// The analytic law with a learned correction, as strong as the scenes kept apart like best, in the world
+/// that was identified.
+Hybrid learn_hybrid(const TrajectorySet& fit, const TrajectorySet& choose, const Identification& world,
+                    std::uint64_t seed, const Deadline& deadline) {
+  const SceneStep::Velocity velocity = world.step.velocity;
+  const TrajectorySet own_fit = world.numbers().world_of(fit), own_choose = world.numbers().world_of(choose);
+  auto hybrid = learn_law<Hybrid>(own_fit, own_choose, {.velocity = velocity, .seed = seed}, deadline);
+  hybrid.weight = best_weight(hybrid, [&](const Hybrid& law) {
+    return error_of(own_choose,
+                    [&](const Trajectory& s) { return ContactLawSimulator(own_choose, s, law, velocity); });
+  });
+  return hybrid;
 }
 
 void print(const std::vector<Row>& rows, bool json) {
@@ -85,13 +110,13 @@ TrajectorySet read_training_scenes(const std::filesystem::path& folder, int most
 }
 
 void run(const Options& options) {
-  const contacts_program::Deadline deadline(options.minutes);
+  const Deadline deadline(options.minutes);
   const std::filesystem::path folder = options.folder;
   const TrajectorySet train = read_training_scenes(folder / "train", options.scenes);
   const Parts parts(train);
   const TrajectorySet &fit = parts.fit, &choose = parts.choose;
   detail::naming([&] { return (folder / "train").string() + ", "; },
-                 [&] { return untrained_law<contacts_program::Law>(fit, options.seed); });
+                 [&] { return untrained_law<Law>(fit, options.seed); });
 
   // Its scenes are read after training; that it does not fit is said before.
   const double frame_time = read_frame_time(folder / "test");
@@ -101,19 +126,21 @@ void run(const Options& options) {
   std::optional<AtomicFile> model;
   if (!options.model.empty()) model.emplace(options.model);
 
-  const Identification world = identify_world(fit, choose);
+  const Worlds worlds = identify_worlds(fit, choose);
   say("spring-damper");
   const SpringDamper spring = fit_spring_damper(train, 50, 10'000);
   std::fprintf(stderr, "  stiffness %.4g / s^2, damping %.4g / s, friction %.3f\n", spring.stiffness,
                spring.damping, spring.friction);
   say("learned law");
-  const contacts_program::Law law = contacts_program::learn_law(fit, choose, options.seed, deadline);
+  const Law law = learn_law<Law>(fit, choose, {.seed = options.seed}, deadline.part(0.7));
   std::fprintf(stderr, "  %.4f m from the scenes kept apart\n",
                error_of(choose, [&](const Trajectory& s) { return ContactLawSimulator(choose, s, law); }));
   if (model) {
     save(*model, law);
     model->commit();
   }
+  say("hybrid");
+  const Hybrid hybrid = learn_hybrid(fit, choose, worlds.one_step, options.seed, deadline);
 
   const TrajectorySet test = read_trajectories(folder / "test");
   if (contacts_program::horizons(test).empty())
@@ -131,9 +158,13 @@ void run(const Options& options) {
   add("contact-free flow",
       [&](const Trajectory& s) { return FreeFlight(test, s, SceneStep::Velocity::instant); });
   add("fitted simulator",
-      [&](const Trajectory& s) { return SceneSimulator(test, s, world.numbers(), world.step); });
+      [&](const Trajectory& s) { return SceneSimulator(test, s, worlds.best.numbers(), worlds.best.step); });
   add("fitted spring-damper", [&](const Trajectory& s) { return SpringDamperSimulator(test, s, spring); });
   add("learned law", [&](const Trajectory& s) { return ContactLawSimulator(test, s, law); });
+  const TrajectorySet hybrid_test = worlds.one_step.numbers().world_of(test);
+  add("hybrid", [&](const Trajectory& s) {
+    return ContactLawSimulator(hybrid_test, s, hybrid, worlds.one_step.step.velocity);
+  });
   print(rows, options.json);
 }
 
@@ -142,14 +173,15 @@ void run(const Options& options) {
 int main(int argc, char** argv) {
   Options options;
   CLI::App app{
-      "Fits a simulator and a spring-damper law to FOLDER/train, learns a contact law from it, and prints "
-      "how "
-      "far each is from the scenes of FOLDER/test: mean distance and angle over scenes and bodies. "
+      "Fits a simulator and a spring-damper law to FOLDER/train, learns a contact law from it, alone and as "
+      "a "
+      "correction of the simulator (hybrid), and prints how far each is from the scenes of FOLDER/test: mean "
+      "distance and angle over scenes and bodies. "
       "<rbres/io/trajectories.hpp> says what the folders hold."};
   app.add_option("FOLDER", options.folder, "holds train/ and test/")->required();
   app.add_option("--scenes", options.scenes, "train on the first N scenes")->check(CLI::PositiveNumber);
   app.add_option("--seed", options.seed, "of the learned law")->capture_default_str();
-  app.add_option("--minutes", options.minutes, "for all; what fits leave is for the learned law")
+  app.add_option("--minutes", options.minutes, "for all; of what fits leave, the hybrid has three tenths")
       ->check(CLI::PositiveNumber)
       ->capture_default_str();
   app.add_option("--model", options.model, "save the learned law to this file");

@@ -2,7 +2,6 @@
 // has seen.
 #include <chrono>
 #include <cstdio>
-#include <limits>
 #include <string>
 
 #include <rbres/learn/contact_law_simulator.hpp>
@@ -76,22 +75,6 @@ L learned(const char* name, const Parts& tosses, const ContactLearning& options)
   });
 }
 
-/// How much of the correction is good for tosses that it was not learned from.
-double best_weight(Hybrid law, const TrajectorySet& apart) {
-  double best = 0, least = std::numeric_limits<double>::infinity();
-  for (const double weight : {0.0, 0.25, 0.5, 0.75, 1.0}) {
-    law.weight = weight;
-    const Score s =
-        score(apart, [&](const auto& toss) { return ContactLawSimulator(apart, toss, law, mean); });
-    const double error = s.position + half_width * s.rotation;
-    std::fprintf(stderr, "hybrid: correction %.2f times as strong: %.5f m\n", weight, error);
-    if (!(error < least)) continue;
-    best = weight;
-    least = error;
-  }
-  return best;
-}
-
 struct Row {
   const char* predictor;
   Score score;
@@ -108,7 +91,11 @@ void run(const std::filesystem::path& folder, std::filesystem::path test_file, b
   const Parts parts(until_rest(tosses, 81));
   const auto law = learned<Law>("network", parts, law_learning);
   auto hybrid = learned<Hybrid>("hybrid", parts, hybrid_learning);
-  hybrid.weight = best_weight(hybrid, parts.choose);
+  hybrid.weight = best_weight(hybrid, [&](const Hybrid& law) {
+    const Score s = score(
+        parts.choose, [&](const auto& toss) { return ContactLawSimulator(parts.choose, toss, law, mean); });
+    return s.position + half_width * s.rotation;
+  });
   const auto free = [&](const Trajectory& toss) { return FreeFlight(nominal, toss, mean); };
   const auto fitted = [&](const Trajectory& toss) { return SceneSimulator(test, toss, {}, world.step); };
   const Row rows[] = {

@@ -50,10 +50,11 @@ TEST_CASE("a row for each predictor and horizon") {
   REQUIRE(outcome.status == 0);
   const auto rows = nlohmann::json::parse(outcome.out, nullptr, false);
   REQUIRE(rows.is_array());
-  REQUIRE(rows.size() == 12);
-  const char* names[] = {"contact-free flow", "fitted simulator", "fitted spring-damper", "learned law"};
+  REQUIRE(rows.size() == 15);
+  const char* names[] = {"contact-free flow", "fitted simulator", "fitted spring-damper", "learned law",
+                         "hybrid"};
   const double ahead[] = {0.05, 0.1, 0.25};
-  for (std::size_t k = 0; k < 12; ++k) {
+  for (std::size_t k = 0; k < 15; ++k) {
     CHECK(rows[k].size() == 5);
     CHECK(rows[k].at("predictor") == names[k / 3]);
     CHECK(rows[k].at("seconds_ahead").get<double>() == doctest::Approx(ahead[k % 3]));
@@ -65,6 +66,7 @@ TEST_CASE("a row for each predictor and horizon") {
   CHECK(error(1) < 0.1 * error(0));   // a bounce without depth is nearer
   CHECK(error(2) < 0.01 * error(0));  // the law that made them is found
   CHECK(error(3) < 0.3 * error(0));   // a moment's learning knows that there is a floor
+  CHECK(error(4) < 0.3 * error(0));   // and so does the simulator that it corrects
   CHECK(contains(outcome.err, "training loss"));
   CHECK(contains(outcome.err, "left"));
 

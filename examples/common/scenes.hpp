@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <limits>
 #include <rbres/learn/identify.hpp>
 #include <rbres/learn/scene_step.hpp>
 #include <rbres/learn/scene_system.hpp>
+#include <utility>
 
 namespace rbres {
 
@@ -41,6 +43,22 @@ inline void print_numbers(const Identification& found) {
     std::fprintf(stderr, "  %-12s %9.4f +- %.4f\n", name(found.unknowns[i]), found.value(k),
                  found.standard_error(k));
   }
+}
+
+/// The weight of a hybrid's correction with which `error(law)`, on scenes that it was not learned from, is
+/// least.
+template <class Law, class Error>
+double best_weight(Law law, const Error& error) {
+  double best = 0, least = std::numeric_limits<double>::infinity();
+  for (const double weight : {0.0, 0.25, 0.5, 0.75, 1.0}) {
+    law.weight = weight;
+    const double found = error(std::as_const(law));
+    std::fprintf(stderr, "hybrid: correction %.2f times as strong: %.5f m\n", weight, found);
+    if (!(found < least)) continue;
+    best = weight;
+    least = found;
+  }
+  return best;
 }
 
 }  // namespace rbres

@@ -15,12 +15,15 @@
 namespace rbres::contacts_program {
 
 using Law = ContactLaw<>;
+using Hybrid = HybridLaw<>;
 
-/// When all must be done.
+/// When something must be done.
 class Deadline {
  public:
   explicit Deadline(double minutes) : end_(Clock::now() + std::chrono::duration<double>(60 * minutes)) {}
   double seconds_left() const { return std::chrono::duration<double>(end_ - Clock::now()).count(); }
+  /// The end of a part of the time that is left.
+  Deadline part(double share) const { return Deadline(share * seconds_left() / 60); }
 
  private:
   using Clock = std::chrono::steady_clock;
@@ -67,12 +70,13 @@ inline std::vector<ContactLearning::Stage> stages_of(const TrajectorySet& fit, c
 }
 
 /// How long learning takes for a frame of a scene, s: measured for a moment.
-inline double seconds_per_frame(const TrajectorySet& fit, const ContactLearning& options, double moment) {
+template <class L>
+double seconds_per_frame(const TrajectorySet& fit, const ContactLearning& options, double moment) {
   ContactLearning brief = options;
   const int stride = static_cast<int>(std::max(1L, count_rollouts(fit, 1, 1) / 2000));
   brief.stages = {{1, stride, 1000, 256}};
   const TrajectorySet one = fit.subset(0, 1);
-  ContactTraining<Law> training(fit, one, brief);
+  ContactTraining<L> training(fit, one, brief);
   const Deadline end(moment / 60);
   double epochs = 0;
   training.train([&](const ContactLearningReport& report) {
@@ -83,16 +87,17 @@ inline double seconds_per_frame(const TrajectorySet& fit, const ContactLearning&
 }
 
 /// Learns from `fit`, with the weights that are best for `choose`, until a little before the deadline.
-inline Law learn_law(const TrajectorySet& fit, const TrajectorySet& choose, std::uint64_t seed,
-                     const Deadline& deadline) {
-  ContactLearning options{.seed = seed};
+/// The stages are those that the time allows.
+template <class L>
+L learn_law(const TrajectorySet& fit, const TrajectorySet& choose, ContactLearning options,
+            const Deadline& deadline) {
   // A bit is for what is slower than expected, and for the predictions that follow.
-  const Deadline end(0.97 * deadline.seconds_left() / 60);
-  const double each = seconds_per_frame(fit, options, std::clamp(0.02 * end.seconds_left(), 0.05, 2.0));
+  const Deadline end = deadline.part(0.97);
+  const double each = seconds_per_frame<L>(fit, options, std::clamp(0.02 * end.seconds_left(), 0.05, 2.0));
   options.stages = stages_of(fit, choose, 0.9 * end.seconds_left() / each);
   const double start = end.seconds_left();
   double before = start;
-  ContactTraining<Law> training(fit, choose, options);
+  ContactTraining<L> training(fit, choose, options);
   const bool all = training.train([&](const ContactLearningReport& report) {
     const double left = end.seconds_left(), epoch = before - left;
     before = left;
