@@ -61,8 +61,8 @@ TEST_CASE("files of other laws and laws that make no sense are refused") {
   save(path, some_law());
   CHECK(error_of([&] { load<ContactLaw<8, 3>>(path); }) ==
         path.string() +
-            ": metadata 'contact_law': expected 'width 8, rounds 3, features 14, outputs 4', found "
-            "'width 8, rounds 2, features 14, outputs 4'");
+            ": metadata 'contact_law': expected 'width 8, rounds 3, features 20, outputs 5', found "
+            "'width 8, rounds 2, features 20, outputs 5'");
   CHECK(error_of([&] { load<ContactLaw<8, 2, double>>(path); }).find("float64") != std::string::npos);
   auto bytes = read_bytes(path);
   bytes[bytes.size() / 2] ^= 1;

@@ -30,7 +30,7 @@ inline double squash_slope(double x) { return 1 / ((1 + x * x) * std::sqrt(1 + x
 /// A contact as a law sees it: everything is measured along its normal, along its slip and across both. None
 /// of the features changes when the world is turned or mirrored, or the bodies are numbered otherwise.
 struct Contact {
-  static constexpr int features = 14;
+  static constexpr int features = 20;
   using Features = std::array<double, features>;
 
   int first, second;  ///< indices of bodies; first is -1 - p for plane p
@@ -49,6 +49,13 @@ struct Contact {
   double normal_mobility, tangent_mobility;  ///< 1/kg; tangent: mean over the plane's directions
   double twist_mobility;                     ///< 1/(kg m^2)
   double length;                             ///< of the arms: 1 / (1/|arm 1| + 1/|arm 2|), m
+
+  // What measure_responses() fills in.
+  double push;        ///< trial impulse along the normal, N s
+  double response;    ///< what all pushes change of the normal speed, m/s
+  double swerve;      ///< what they change of the velocity along the surface, m/s; never quite 0
+  Vec3<double> side;  ///< along that change, shorter than 1 where it is slow
+  double along_tangent, across, along_side;  ///< mobilities between tangent and side, 1/kg
 
   bool plane() const { return first < 0; }
   double smallest_gap() const { return std::min(gap_before, gap_after); }
@@ -71,9 +78,15 @@ inline Mobility mobility_of(double inverse_mass, const Mat3<double>& inverse_ine
 template <class Flight>
 using FlightPair = std::array<Flight*, 2>;
 
+/// The two of `all` that a contact joins; no first one where that is a plane.
+template <class Vector>
+auto pair_of(const Contact& c, Vector& all) {
+  using Element = std::remove_pointer_t<decltype(all.data())>;
+  return FlightPair<Element>{c.plane() ? nullptr : all.data() + c.first, all.data() + c.second};
+}
+
 /// Fills in what follows from place, flights and masses.
-inline void measure(Contact& c, const FlightPair<const ContactFlight>& flight,
-                    const std::array<double, 2>& inverse_mass, const ContactScales& scales) {
+inline void measure(Contact& c, const FlightPair<const ContactFlight>& flight, const ContactScales& scales) {
   const Vec3<double>& n = c.at.normal;
   c.relative = {}, c.mean = {};
   Vec3<double> spin;
@@ -87,7 +100,7 @@ inline void measure(Contact& c, const FlightPair<const ContactFlight>& flight,
     c.relative += sign * (f.velocity + turning);
     c.mean += sign * (f.mean_velocity + turning);
     spin += sign * f.spin;
-    const Mobility own = mobility_of(inverse_mass[b], f.inverse_inertia, c.arm[b], n);
+    const Mobility own = mobility_of(f.inverse_mass, f.inverse_inertia, c.arm[b], n);
     mobility.normal += own.normal, mobility.trace += own.trace, mobility.twist += own.twist;
     inverse_length += 1 / norm(c.arm[b]);
   }
@@ -124,7 +137,13 @@ inline Contact::Features features_of(const Contact& c, const ContactScales& scal
           std::log(c.length),
           c.plane() ? 1.0 : 0.0,
           c.surface.restitution,
-          c.surface.friction};
+          c.surface.friction,
+          c.response / v,
+          c.swerve / v,
+          dot(c.tangent, c.side),
+          c.along_tangent / c.tangent_mobility,
+          c.across / c.tangent_mobility,
+          c.along_side / c.tangent_mobility};
 }
 
 /// Derivatives by what measure() fills in, where something depends on it directly; the others are worked out
@@ -132,13 +151,28 @@ inline Contact::Features features_of(const Contact& c, const ContactScales& scal
 struct ContactGradient {
   ContactPlace at{};
   std::array<Vec3<double>, 2> arm{};
-  Vec3<double> tangent{};
-  double presence = 0, twist_sign = 0, normal_mobility = 0, tangent_mobility = 0, twist_mobility = 0,
-         length = 0;
+  Vec3<double> tangent{}, side{};
+  double gap_after = 0, presence = 0, twist_sign = 0, normal_mobility = 0, tangent_mobility = 0,
+         twist_mobility = 0, length = 0, response = 0, swerve = 0, along_tangent = 0, across = 0,
+         along_side = 0;
 };
 
-/// The way back through features_of() and measure(): completes `by.at`, and adds to the derivatives by the
-/// flights.
+/// The way back through the features that measure_responses() fills in.
+inline void add_response_features_gradient(const Contact& c, const ContactScales& scales,
+                                           const Contact::Features& f, ContactGradient& by) {
+  by.response += f[14] / scales.speed;
+  by.swerve += f[15] / scales.speed;
+  by.tangent += f[16] * c.side;
+  by.side += f[16] * c.tangent;
+  by.along_tangent += f[17] / c.tangent_mobility;
+  by.across += f[18] / c.tangent_mobility;
+  by.along_side += f[19] / c.tangent_mobility;
+  by.tangent_mobility -=
+      (f[17] * c.along_tangent + f[18] * c.across + f[19] * c.along_side) / square(c.tangent_mobility);
+}
+
+/// The way back through the other features and measure(): completes `by.at`, and adds to the derivatives by
+/// the flights.
 inline void add_measure_gradient(const Contact& c, const FlightPair<const ContactFlight>& flight,
                                  const ContactScales& scales, const Contact::Features& by_features,
                                  ContactGradient& by, const FlightPair<ContactFlight>& by_flight) {
@@ -148,8 +182,8 @@ inline void add_measure_gradient(const Contact& c, const FlightPair<const Contac
   const auto& f = by_features;
   double by_before =
       f[0] * squash_slope(c.gap_before / (4 * g)) / g + f[2] * squash_slope(10 * c.gap_before / g) * 10 / g;
-  double by_after =
-      f[1] * squash_slope(c.gap_after / (4 * g)) / g + f[3] * squash_slope(10 * c.gap_after / g) * 10 / g;
+  double by_after = by.gap_after + f[1] * squash_slope(c.gap_after / (4 * g)) / g +
+                    f[3] * squash_slope(10 * c.gap_after / g) * 10 / g;
   double by_normal_speed = f[4] / v;
   double by_slip = f[5] / v + f[6] * squash_slope(10 * c.slip / v) * 10 / v;
   const double by_twist_size = f[7] * c.length / v;

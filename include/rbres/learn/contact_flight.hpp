@@ -71,6 +71,7 @@ struct ContactFlight {
   Vec3<double> velocity;         ///< at its end, m/s
   Vec3<double> spin;             ///< angular velocity at its end, rad/s
   Mat3<double> inverse_inertia;  ///< halfway, 1/(kg m^2)
+  double inverse_mass;           ///< 1/kg; the same in every state
 };
 
 /// From the states where the free flight begins and ends, `time` (s) apart.
@@ -85,6 +86,7 @@ ContactFlight contact_flight(const Body<double, Shape>& body, const RigidState<d
   f.velocity = to.velocity;
   f.spin = rotate(to.orientation, to.angular_velocity);
   f.inverse_inertia = rotated_diagonal(rotation_matrix(f.turned), body.inverse_inertia());
+  f.inverse_mass = body.inverse_mass();
   return f;
 }
 

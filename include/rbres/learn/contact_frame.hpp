@@ -30,6 +30,7 @@ struct ContactFrame {
   Reserved<Contact> contacts;
   Reserved<ContactEnds> ends;
   Reserved<T> presence;
+  Reserved<BodyResponse> responses;  ///< of the bodies
   Reserved<BodyImpulse> sums;
   Columns inputs, outputs;
 
@@ -38,6 +39,7 @@ struct ContactFrame {
   ContactFrame(std::size_t bodies, std::size_t most_contacts)
       : inputs(Contact::features, most_contacts), outputs(ContactImpulse::outputs, most_contacts) {
     flights.reserve(bodies);
+    responses.reserve(bodies);
     sums.reserve(bodies);
     contacts.reserve(most_contacts);
     ends.reserve(most_contacts);
@@ -50,6 +52,7 @@ struct ContactFrame {
 
   void clear() {
     flights.clear();
+    responses.clear();
     contacts.clear();
     ends.clear();
     presence.clear();
@@ -59,7 +62,7 @@ struct ContactFrame {
   template <class Shape>
   void add(const SceneView<Shape>& scene, std::span<const RigidState<double>> start,
            std::span<const RigidState<double>> flown, const ContactScales& scales) {
-    const std::size_t base = flights.size();
+    const std::size_t base = flights.size(), known = contacts.size();
     reach_.clear();
     for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
       flights.push_back(contact_flight(scene.bodies[i], start[i], flown[i], scales.frame_time));
@@ -82,6 +85,8 @@ struct ContactFrame {
     for (const Candidate& pair : pairs_)
       add_pair(scene, static_cast<std::size_t>(pair.first), static_cast<std::size_t>(pair.second), base,
                scales);
+    responses.resize(flights.size());
+    measure_responses(std::span(contacts).subspan(known), flights, base, scales, responses);
   }
 
   /// Fills the network's inputs.
@@ -110,14 +115,7 @@ struct ContactFrame {
     sums.assign(flights.size(), BodyImpulse{});
     for (std::size_t k = 0; k < contacts.size(); ++k)
       add_impulse(contacts[k], impulse_of(contacts[k], output(k), scales),
-                  bodies_of(contacts[k], std::as_const(flights)), scales, bodies_of(contacts[k], sums));
-  }
-
-  /// The two of `all` that a contact joins; no first one where that is a plane.
-  template <class Vector>
-  static auto bodies_of(const Contact& c, Vector& all) {
-    using Element = std::remove_pointer_t<decltype(all.data())>;
-    return FlightPair<Element>{c.plane() ? nullptr : all.data() + c.first, all.data() + c.second};
+                  pair_of(contacts[k], std::as_const(flights)), scales, pair_of(contacts[k], sums));
   }
 
  private:
@@ -146,9 +144,7 @@ struct ContactFrame {
     contact.second = static_cast<int>(base + i);
     contact.surface = {combined_restitution(plane.material, body.material()),
                        combined_friction(plane.material, body.material())};
-    with_places(plane, body, f, [&](const auto& m) {
-      add_points(contact, m, {0, body.inverse_mass()}, scales);
-    });
+    with_places(plane, body, f, [&](const auto& m) { add_points(contact, m, 1, scales); });
   }
 
   template <class Shape>
@@ -162,20 +158,19 @@ struct ContactFrame {
     contact.surface = {combined_restitution(first.material(), second.material()),
                        combined_friction(first.material(), second.material())};
     with_places(first, f, second, g, [&](const auto& m) {
-      add_points(contact, m, {first.inverse_mass(), second.inverse_mass()}, scales);
+      add_points(contact, m, second.inverse_mass() / (first.inverse_mass() + second.inverse_mass()), scales);
     });
   }
 
+  /// `share` is the second body's of the mobility.
   template <class Manifold>
-  void add_points(Contact& contact, const Manifold& m, const std::array<double, 2>& inverse_mass,
-                  const ContactScales& scales) {
+  void add_points(Contact& contact, const Manifold& m, double share, const ContactScales& scales) {
     each_point(m, [&](int place, const Vec3<double>& point, double gap) {
       if (contacts.size() == most_) return;
       contact.place = place;
       contact.at = {m.normal, point, gap};
-      measure(contact, bodies_of(contact, std::as_const(flights)), inverse_mass, scales);
+      measure(contact, pair_of(contact, std::as_const(flights)), scales);
       if (!(contact.smallest_gap() < scales.margin)) return;
-      const double share = inverse_mass[1] / (inverse_mass[0] + inverse_mass[1]);
       contacts.push_back(contact);
       ends.push_back({contact.plane() ? -1 : contact.first, contact.second, static_cast<float>(1 - share),
                       static_cast<float>(share)});

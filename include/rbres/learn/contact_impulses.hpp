@@ -1,13 +1,13 @@
 #pragma once
 
 #include <rbres/core/lie.hpp>
-#include <rbres/learn/contact_features.hpp>
+#include <rbres/learn/contact_response.hpp>
 
 namespace rbres::detail {
 
 /// What a network's outputs mean for a contact: an impulse, an angular impulse about the normal, and when.
 struct ContactImpulse {
-  static constexpr int outputs = 4;
+  static constexpr int outputs = 5;
   using Outputs = std::array<double, outputs>;
 
   Vec3<double> linear;   ///< on the second body, world frame, N s
@@ -22,8 +22,10 @@ inline ContactImpulse impulse_of(const Contact& c, const ContactImpulse::Outputs
                                  const ContactScales& scales) {
   const double speed = c.presence * scales.speed;
   const Vec3<double>& n = c.at.normal;
-  // Nothing acts across the slip: bodies that change places would turn it round.
-  return {(speed * o[0] / c.normal_mobility) * n - (speed * o[1] / c.tangent_mobility) * c.tangent,
+  // Along the surface nothing else has a direction: one across the slip would turn round where bodies change
+  // places.
+  return {(speed * o[0] / c.normal_mobility) * n -
+              (speed / c.tangent_mobility) * (o[1] * c.tangent + o[4] * c.side),
           (-speed * o[2] * c.twist_sign / (c.length * c.twist_mobility)) * n,
           scales.frame_time * share_left(o[3])};
 }
@@ -117,11 +119,14 @@ inline ContactImpulse::Outputs add_impulse_gradient(const Contact& c, const Cont
   by.presence += per_normal * o[0] * by_normal;
   by.normal_mobility -= c.presence * per_normal * o[0] * by_normal / c.normal_mobility;
 
-  const double per_tangent = -v / c.tangent_mobility, by_tangent = dot(c.tangent, by_linear);
-  by.tangent += (c.presence * per_tangent * o[1]) * by_linear;
-  by_o[1] = c.presence * per_tangent * by_tangent;
-  by.presence += per_tangent * o[1] * by_tangent;
-  by.tangent_mobility -= c.presence * per_tangent * o[1] * by_tangent / c.tangent_mobility;
+  const double per_tangent = -v / c.tangent_mobility, along = c.presence * per_tangent;
+  by.tangent += (along * o[1]) * by_linear;
+  by.side += (along * o[4]) * by_linear;
+  by_o[1] = along * dot(c.tangent, by_linear);
+  by_o[4] = along * dot(c.side, by_linear);
+  const double by_along = dot(o[1] * c.tangent + o[4] * c.side, by_linear);
+  by.presence += per_tangent * by_along;
+  by.tangent_mobility -= along * by_along / c.tangent_mobility;
 
   const double by_twist = dot(n, by_angular), per_twist = -v / (c.length * c.twist_mobility);
   const double twist = c.presence * per_twist * o[2] * c.twist_sign;

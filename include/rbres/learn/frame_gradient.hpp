@@ -117,24 +117,35 @@ class FrameGradient {
     for (std::size_t k = 0; k < contacts; ++k) {
       const Contact& c = frame.contacts[k];
       const auto by =
-          add_impulse_gradient(c, frame.output(k), Law::Frame::bodies_of(c, std::as_const(frame.flights)),
-                               law.scales, Law::Frame::bodies_of(c, std::as_const(by_sums_)), by_contacts_[k],
-                               Law::Frame::bodies_of(c, by_flights_));
+          add_impulse_gradient(c, frame.output(k), pair_of(c, std::as_const(frame.flights)), law.scales,
+                               pair_of(c, std::as_const(by_sums_)), by_contacts_[k], pair_of(c, by_flights_));
       for (std::size_t i = 0; i < by.size(); ++i)
         by_outputs_(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) = static_cast<T>(by[i]);
     }
     rollout.record.backward(network, frame.presence, frame.ends, std::ssize(rollout.start), by_outputs_,
                             gradient.numbers(), by_inputs_, by_presence_);
+    by_features_.resize(contacts);
+    by_responses_.assign(frame.responses.size(), {});
     for (std::size_t k = 0; k < contacts; ++k) {
       const Contact& c = frame.contacts[k];
-      Contact::Features by;
+      Contact::Features& by = by_features_[k];
       for (std::size_t i = 0; i < by.size(); ++i) {
         const auto row = static_cast<Eigen::Index>(i);
         by[i] = static_cast<double>(by_inputs_(row, static_cast<Eigen::Index>(k)) / law.input.deviation[row]);
       }
       by_contacts_[k].presence += static_cast<double>(by_presence_[k]);
-      add_measure_gradient(c, Law::Frame::bodies_of(c, std::as_const(frame.flights)), law.scales, by,
-                           by_contacts_[k], Law::Frame::bodies_of(c, by_flights_));
+      add_response_features_gradient(c, law.scales, by, by_contacts_[k]);
+      add_response_gradient(c, pair_of(c, std::as_const(frame.flights)),
+                            pair_of(c, std::as_const(frame.responses)), by_contacts_[k],
+                            pair_of(c, by_flights_), pair_of(c, by_responses_));
+    }
+    for (std::size_t i = 0; i < by_responses_.size(); ++i)
+      complete_response_gradient(frame.flights[i], frame.responses[i], by_responses_[i], by_flights_[i]);
+    for (std::size_t k = 0; k < contacts; ++k) {
+      const Contact& c = frame.contacts[k];
+      add_push_gradient(c, law.scales, pair_of(c, std::as_const(by_responses_)), by_contacts_[k]);
+      add_measure_gradient(c, pair_of(c, std::as_const(frame.flights)), law.scales, by_features_[k],
+                           by_contacts_[k], pair_of(c, by_flights_));
     }
   }
 
@@ -168,6 +179,8 @@ class FrameGradient {
   std::vector<ContactFlight> by_flights_;
   std::vector<BodyImpulse> by_sums_;
   std::vector<ContactGradient> by_contacts_;
+  std::vector<Contact::Features> by_features_;
+  std::vector<BodyResponse> by_responses_;
   typename Law::Frame::Columns by_outputs_, by_inputs_;
   std::vector<T> by_presence_;
   AnalyticAnswer<SceneSystem> analytic_;
