@@ -1,10 +1,14 @@
 // Built without rbres::io: the exported headers need the core and Eigen only.
+#include <array>
 #include <cstring>
+#include <vector>
 
 #include <doctest/doctest.h>
 
 #include "exported_double.hpp"
 #include "exported_float.hpp"
+#include "exported_hybrid.hpp"
+#include "exported_law.hpp"
 #include "io_export_models.hpp"
 
 namespace {
@@ -20,10 +24,41 @@ void check_same_bits(const Network& exported, const Network& original) {
   }
 }
 
+/// Three balls and a floor after a frame.
+template <class Law>
+std::array<rbres::RigidState<double>, 3> frame(const Law& law) {
+  using namespace rbres;
+  using Ball = Sphere<double>;
+  const std::vector<Body<double, Ball>> bodies{{Ball(0.1), 1.0}, {Ball(0.12), 0.6}, {Ball(0.09), 2.0}};
+  const std::vector<Plane<double>> planes{floor_plane<double>()};
+  std::array<RigidState<double>, 3> start, states;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double x = static_cast<double>(i);
+    start[i].position = {0.2 * x, 0.01 * x, 0.1};
+    start[i].velocity = {0.2 - 0.3 * x, 0.1 * x, -0.5};
+    start[i].angular_velocity = {x, -2, 1};
+  }
+  states = start;
+  for (RigidState<double>& y : states) y.position += law.scales.frame_time * y.velocity;
+  const auto flown = states;
+  typename Law::Workspace workspace(3, 1, 1);
+  law.correct(std::span<const Body<double, Ball>>(bodies), std::span<const Plane<double>>(planes), start,
+              flown, states, law.weight, workspace);
+  for (std::size_t i = 0; i < 3; ++i) CHECK(!(states[i] == flown[i]));
+  return states;
+}
+
 }  // namespace
 
 TEST_CASE("an exported network gives the same bits") {
   check_same_bits(exported_f::network(), exported_float());
   check_same_bits(exported_d::network(), exported_double());
   static_assert(exported_f::weights[0] != 0);
+}
+
+TEST_CASE("an exported contact law gives the same bits") {
+  CHECK(frame(exported_l::law()) == frame(exported_law()));
+  CHECK(exported_l::law().scales.margin == 0.013);
+  CHECK(frame(exported_h::law()) == frame(exported_hybrid()));
+  CHECK(exported_h::law().weight == 0.3);
 }

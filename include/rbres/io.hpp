@@ -20,6 +20,7 @@
 #include <rbres/io/contact_training.hpp>
 #include <rbres/io/dataset.hpp>
 #include <rbres/io/digest.hpp>
+#include <rbres/io/export_contact_law.hpp>
 #include <rbres/io/export_header.hpp>
 #include <rbres/io/folder_lock.hpp>
 #include <rbres/io/gltf.hpp>

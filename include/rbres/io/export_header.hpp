@@ -6,10 +6,12 @@
 #include <ios>
 #include <iterator>
 #include <locale>
+#include <span>
 #include <sstream>
 #include <string>
 #include <string_view>
 #include <type_traits>
+#include <vector>
 
 #include <rbres/core/error.hpp>
 #include <rbres/io/architecture.hpp>
@@ -47,6 +49,54 @@ inline bool is_namespace_name(std::string_view name) {
   return !is_std && std::ranges::find(taken, name) == std::end(taken);
 }
 
+/// Refuses what cannot name the namespace of an exported header.
+inline void check_namespace_name(std::string_view name) {
+  if (!is_namespace_name(name))
+    refuse("export_header", "a name of letters, digits and _ that C++ and rbres leave free",
+           text("'", name, "'"));
+}
+
+template <std::floating_point T>
+constexpr std::string_view scalar_name = std::is_same_v<T, float> ? "float" : "double";
+
+/// A C++ array of hexadecimal floats, which lose no bit. Error naming `what` where one is not finite.
+template <std::floating_point T>
+std::string array_text(std::string_view name, const std::string& what, std::span<const T> numbers) {
+  require_finite(what, numbers.data(), numbers.size());
+  std::ostringstream out;
+  out.imbue(std::locale::classic());
+  out << "inline constexpr " << scalar_name<T> << ' ' << name << '[' << std::dec << numbers.size() << "] = {"
+      << std::hexfloat;
+  for (std::size_t i = 0; i < numbers.size(); ++i)
+    out << (i % 8 == 0 ? "\n" : "") << numbers[i] << (std::is_same_v<T, float> ? "f," : ",");
+  out << "\n};\n";
+  return out.str();
+}
+
+/// The weights of a network, tensor by tensor and row by row.
+template <class Network>
+std::vector<typename Network::Scalar> exported_weights(const Network& network,
+                                                       const std::filesystem::path& path) {
+  std::vector<typename Network::Scalar> numbers;
+  for (const ParameterTensor& tensor : Network::tensors()) {
+    const auto first = std::ssize(numbers);
+    for (int row = 0; row < tensor.rows; ++row)
+      for (int column = 0; column < tensor.columns; ++column)
+        numbers.push_back(network.parameters()[tensor.index(row, column)]);
+    require_finite(text(path.string(), ": tensor '", tensor.name, "'"), numbers.data() + first,
+                   numbers.size() - static_cast<std::size_t>(first));
+  }
+  return numbers;
+}
+
+/// The lines of a function that put the array `weights` into `network`, an expression of type `type`.
+inline std::string weights_reader(std::string_view type, std::string_view network) {
+  return text("  const auto* from = weights;\n  for (const rbres::ParameterTensor& tensor : ", type,
+              "::tensors())\n    for (int row = 0; row < tensor.rows; ++row)\n"
+              "      for (int column = 0; column < tensor.columns; ++column) ",
+              network, ".parameters()[tensor.index(row, column)] = *from++;\n");
+}
+
 }  // namespace detail
 
 /// Writes a C++ header that holds the network, so that a program without files runs it with rbres and Eigen
@@ -60,45 +110,17 @@ inline bool is_namespace_name(std::string_view name) {
 template <std::floating_point T, class Layers>
 void export_header(const Network<T, Layers>& network, const std::filesystem::path& path,
                    std::string_view name = "rbres_model") {
-  if (!detail::is_namespace_name(name))
-    detail::refuse("export_header", "a name of letters, digits and _ that C++ and rbres leave free",
-                   detail::text("'", name, "'"));
-  constexpr bool is_float = std::is_same_v<T, float>;
-  constexpr std::string_view scalar = is_float ? "float" : "double";
-  using Model = Network<T, Layers>;
-
+  detail::check_namespace_name(name);
+  const std::vector<T> weights = detail::exported_weights(network, path);
   AtomicFile file(path);
-  const auto write = [&file](const std::string& text) { file.write(text.data(), text.size()); };
-  write("// Written by rbres::export_header.\n#pragma once\n\n#include <rbres/nn/network.hpp>\n\n");
-  write(detail::text("namespace ", name, " {\n\nusing Network = rbres::Network<", scalar, ", "));
-  write(detail::text(detail::LayerName<Layers>::text(detail::LayerText::spelled), ">;\n\n"));
-  write(detail::text("inline constexpr ", scalar, " weights[", Model::parameter_count, "] = {\n"));
-  for (const ParameterTensor& tensor : Model::tensors()) {
-    for (int row = 0; row < tensor.rows; ++row) {
-      std::ostringstream numbers;
-      numbers.imbue(std::locale::classic());
-      numbers << std::hexfloat;
-      for (int column = 0; column < tensor.columns; ++column) {
-        const T number = network.parameters()[tensor.index(row, column)];
-        detail::require_finite(detail::text(path.string(), ": tensor '", tensor.name, "'"), &number, 1);
-        numbers << number << (is_float ? "f," : ",");
-      }
-      write(numbers.str() + "\n");
-    }
-  }
-  write(R"(};
-
-inline Network network() {
-  Network network;
-  const auto* from = weights;
-  for (const rbres::ParameterTensor& tensor : Network::tensors())
-    for (int row = 0; row < tensor.rows; ++row)
-      for (int column = 0; column < tensor.columns; ++column) network.parameters()[tensor.index(row, column)] = *from++;
-  return network;
-}
-
-}  // namespace )");
-  write(detail::text(name, "\n"));
+  const std::string text = detail::text(
+      "// Written by rbres::export_header.\n#pragma once\n\n#include <rbres/nn/network.hpp>\n\nnamespace ",
+      name, " {\n\nusing Network = rbres::Network<", detail::scalar_name<T>, ", ",
+      detail::LayerName<Layers>::text(detail::LayerText::spelled), ">;\n\n",
+      detail::array_text<T>("weights", path.string(), weights),
+      "\ninline Network network() {\n  Network network;\n", detail::weights_reader("Network", "network"),
+      "  return network;\n}\n\n}  // namespace ", name, "\n");
+  file.write(text.data(), text.size());
   file.commit();
 }
 
