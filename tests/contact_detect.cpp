@@ -153,6 +153,19 @@ TEST_CASE("a box lies flat on a box, turned or not") {
   }
 }
 
+TEST_CASE("points that are not there stand near the boxes: far away they would spoil other lanes' points") {
+  const Box<double> box{0.1, 0.08, 0.05};
+  Random r(12);
+  for (int trial = 0; trial < 2000; ++trial) {  // both on one table, turned about its normal
+    const auto standing = [&](double x) {
+      const double angle = r.uniform(-0.3, 0.3), tilt = trial % 2 ? 1e-17 * r.normal() : 0;
+      return pose({x, r.uniform(-0.05, 0.05), 0.05}, {tilt, -tilt, std::sin(angle / 2), std::cos(angle / 2)});
+    };
+    const auto a = standing(0), b = standing(r.uniform(0.2, 0.4));
+    for (const Vec3<double>& point : detect(box, a, box, b).point) CHECK(norm(point - a.position) < 2);
+  }
+}
+
 TEST_CASE("a capsule lies on a plane and on a box with both ends") {
   const Quat<double> lying{0, std::sqrt(0.5), 0, std::sqrt(0.5)};
   const Capsule<double> capsule{0.1, 0.3};

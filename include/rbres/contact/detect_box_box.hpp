@@ -48,8 +48,10 @@ void clip_faces(const Vec3<S>& origin, const Face<S>& reference, const Vec3<S>& 
   const S hu = reference.half_u + slack, hv = reference.half_v + slack;
   const auto put = [&](std::size_t slot, const Vec3<S>& at, const MaskOf<S>& valid) {
     m.gap[slot] = select(valid, at.z, S(m.none));
-    m.point[slot] = origin + at.x * reference.u + at.y * reference.v +
-                    (reference.half_normal + S(0.5) * at.z) * reference.normal;
+    // Where it is not there it stands in the face: far away it would overflow beside other lanes' points.
+    const Vec3<S> place = select(valid, at, Vec3<S>{});
+    m.point[slot] = origin + place.x * reference.u + place.y * reference.v +
+                    (reference.half_normal + S(0.5) * place.z) * reference.normal;
   };
   const Vec3<S> corner[5] = {centre - p - q, centre + p - q, centre + p + q, centre - p + q, centre - p - q};
   for (std::size_t e = 0; e < 4; ++e) {
