@@ -3,6 +3,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include <rbres/body/mechanics.hpp>
 #include <rbres/core/philox.hpp>
 #include <rbres/io/contact_law.hpp>
 #include <rbres/io/trajectories.hpp>
@@ -117,3 +118,47 @@ TEST_CASE("folders that do not fit are refused on one line") {
   CHECK(
       contains(refusal(folder, RBRES_CONTACTS, "good --model none/law.safetensors"), "none/law.safetensors"));
 }
+
+#ifdef RBRES_CONTACTS_MUJOCO
+TEST_CASE("folders made by rbres with a law of its own") {
+  const TemporaryFolder folder;
+  const std::string options = " --rbres --bodies 3 --train 2 --test 1 --frames 60";
+  const Outcome outcome = run(folder, RBRES_CONTACTS_MUJOCO, "balls" + options);
+  CAPTURE(outcome.err);
+  REQUIRE(outcome.status == 0);
+  CHECK(contains(outcome.err, "us a frame of 20 steps"));
+  run(folder, RBRES_CONTACTS_MUJOCO, "boxes --boxes --seed 2" + options);
+  double slow = 0, fast = 1;
+  for (const char* name : {"balls/train", "balls/test", "boxes/train", "boxes/test"}) {
+    const TrajectorySet set = read_trajectories(folder / name);
+    CHECK(set.size() == (std::string(name).ends_with("train") ? 2 : 1));
+    for (const Trajectory& scene : set) {
+      const auto energy = [&](int t) {
+        double sum = 0;
+        for (int i = 0; i < scene.bodies(); ++i)
+          sum += kinetic_energy(scene.body(i), scene.state(t, i)) -
+                 scene.body(i).mass() * dot(set.gravity(), scene.state(t, i).position);
+        return sum;
+      };
+      const double first = energy(0);
+      CHECK(scene.frames() == 61);
+      for (int t = 1; t < scene.frames(); ++t) {
+        CHECK(energy(t) < energy(t - 1) + 2e-3 * first);
+        for (int i = 0; i < scene.bodies(); ++i) {
+          const Vec3<double>&before = scene.state(t - 1, i).velocity, &after = scene.state(t, i).velocity;
+          CHECK(scene.state(t, i).position.z > 0.02);
+          // Balls that bounce from the floor: the faster, the less of the speed is left.
+          const bool bounce = std::string(name).starts_with("balls") && before.z < -0.5 && after.z > 0.1 &&
+                              norm(Vec3<double>{after.x - before.x, after.y - before.y, 0}) < 0.3;
+          if (!bounce) continue;
+          const double left = -after.z / before.z;
+          (before.z > -1.5 ? slow : fast) = before.z > -1.5 ? std::max(slow, left) : std::min(fast, left);
+        }
+      }
+    }
+  }
+  CAPTURE(slow);
+  CAPTURE(fast);
+  CHECK(slow > fast + 0.1);
+}
+#endif
