@@ -107,6 +107,28 @@ TEST_CASE("bodies that do not touch fly as if alone, and what another pair does 
   CHECK(differs > 1e-3);
 }
 
+TEST_CASE("kinematic bodies keep their velocities, and push others") {
+  const auto law = random_law<Law>(3, 0.05);
+  const auto bodies = heap();
+  for (int place = 0; place < 4; ++place) {
+    const auto body = [&](int i) {
+      return i == place ? Body<double>::kinematic(bodies[i].shape()) : bodies[i];
+    };
+    const System<double, 4> system({body(0), body(1), body(2), body(3)});
+    const auto y = close_together(4);
+    const auto after = one_frame(system, y, law), free = one_frame(system, y, Law{});
+    CHECK(after[place].velocity == y[place].velocity);
+    CHECK(after[place].angular_velocity == y[place].angular_velocity);
+    CHECK(distance(after[place], free[place]) == 0);
+    double moved = 0;
+    for (int i = 0; i < 4; ++i) moved += distance(after[i], free[i]);
+    CHECK(moved > 1e-3);
+  }
+  const System<double, 4> apart({bodies[0], bodies[1], bodies[2], bodies[3]}, {}, {{0, 1}});
+  CHECK_THROWS_WITH_AS(one_frame(apart, close_together(4), law),
+                       "pairs without contact: expected none, for a learned contact law, found 1", Error);
+}
+
 TEST_CASE("a law stands where the analytic contacts stand") {
   const auto law = random_law<Law>(3, 0.02);
   const auto system = heap({floor_plane<double>()});

@@ -38,6 +38,8 @@ void check_material(const Material<S>& m) {
 
 /// One rigid body: what it is, not where. The body frame is at the centre of mass along the principal axes of
 /// inertia. Every constructor throws Error for a mass, shape, inertia or material that no body can have.
+///
+/// A body is dynamic, moved by forces and contacts, or kinematic: see kinematic().
 template <class S, class Shape_ = AnyShape<S>>
 class Body {
  public:
@@ -53,16 +55,28 @@ class Body {
   Body(const Shape& shape, const S& mass, const Vec3<S>& moments, const Material<S>& material = {})
       : Body(shape, mass, PrincipalInertia<S>{moments, {}}, material) {}
 
-  /// A body of this mass (kg) and this inertia tensor (kg m^2), given along the shape's axes. Its orientation
-  /// is that of the principal axes; shape_rotation() says how the shape stands in them.
-  Body(const Shape& shape, const S& mass, const Eigen::Matrix<S, 3, 3>& tensor,
-       const Material<S>& material = {}) requires(!Packed<S>)
-      : Body(shape, mass, naming(shape, mass, [&] { return principal_inertia(tensor); }), material) {}
+  /// A body of this mass (kg) and this inertia tensor (kg m^2), a 3 by 3 matrix given along the shape's axes.
+  /// Its orientation is that of the principal axes; shape_rotation() says how the shape stands in them.
+  template <class Tensor>
+  Body(const Shape& shape, const S& mass, const Eigen::MatrixBase<Tensor>& tensor,
+       const Material<S>& material = {}) requires(!Packed<S> && Tensor::RowsAtCompileTime == 3 &&
+                                                  Tensor::ColsAtCompileTime == 3)
+      : Body(shape, mass, naming([&] { return principal_inertia<S>(tensor); }, shape, mass, " kg"),
+             material) {}
 
   /// A uniform solid of this density (kg/m^3).
   static Body of_density(const Shape& shape, const S& density, const Material<S>& material = {}) {
     return Body(shape, density * detail::with_shape(shape, [](const auto& s) { return s.volume(); }),
                 material);
+  }
+
+  /// A kinematic body: neither forces nor contacts move it, and it keeps the velocity and the angular
+  /// velocity of its state. Where these are zero it is static: a table, a ramp; else a lift, a turntable, a
+  /// paddle; a program with its own Stepper may set them anew before each step. Its frame is its shape's.
+  /// Kinematic bodies and planes do not collide with one another. Its mass, moments of inertia and their
+  /// inverses are zero here, so that energy, momentum and the like are those of the dynamic bodies.
+  static Body kinematic(const Shape& shape, const Material<S>& material = {}) {
+    return {Kinematic{}, shape, material};
   }
 
   /// A body of one shape where any shape may stand.
@@ -76,11 +90,13 @@ class Body {
         inverse_mass_(other.inverse_mass()),
         inverse_inertia_(other.inverse_inertia()),
         material_(other.material()),
-        bounding_radius_(other.bounding_radius()) {}
+        bounding_radius_(other.bounding_radius()),
+        kinematic_(other.is_kinematic()) {}
 
   const Shape& shape() const { return shape_; }
   /// Shape's axes to body frame.
   const Quat<S>& shape_rotation() const { return shape_rotation_; }
+  bool is_kinematic() const { return kinematic_; }
   const S& mass() const { return mass_; }                              ///< kg
   const Vec3<S>& inertia() const { return inertia_; }                  ///< principal moments, kg m^2
   const S& inverse_mass() const { return inverse_mass_; }              ///< 1/kg
@@ -91,20 +107,24 @@ class Body {
   /// This body with its lengths, mass and moments of inertia multiplied, each by a factor of its own, and
   /// another material.
   Body scaled(const S& length, const S& mass, const S& inertia, const Material<S>& material) const {
-    return Body(detail::with_shape(shape_, [&](const auto& s) { return Shape(s.scaled(length)); }),
-                mass * mass_, PrincipalInertia<S>{inertia * inertia_, shape_rotation_.conjugate()}, material);
+    const Shape shape = detail::with_shape(shape_, [&](const auto& s) { return Shape(s.scaled(length)); });
+    if (kinematic_) return kinematic(shape, material);
+    return Body(shape, mass * mass_, PrincipalInertia<S>{inertia * inertia_, shape_rotation_.conjugate()},
+                material);
   }
 
   /// The same body in another scalar; packs get it in every lane.
   template <class T>
   auto cast() const {
     using Other = typename detail::CastShape<Shape, T>::type;
-    return Body<T, Other>(
-        detail::with_shape(shape_, [](const auto& s) { return Other(s.template cast<T>()); }), as<T>(mass_),
-        PrincipalInertia<T>{{as<T>(inertia_.x), as<T>(inertia_.y), as<T>(inertia_.z)},
-                            {as<T>(shape_rotation_.x), as<T>(shape_rotation_.y), as<T>(shape_rotation_.z),
-                             as<T>(shape_rotation_.w)}},
-        Material<T>{as<T>(material_.restitution), as<T>(material_.friction)});
+    const Other shape = detail::with_shape(shape_, [](const auto& s) { return Other(s.template cast<T>()); });
+    const Material<T> material{as<T>(material_.restitution), as<T>(material_.friction)};
+    if (kinematic_) return Body<T, Other>::kinematic(shape, material);
+    return Body<T, Other>(shape, as<T>(mass_),
+                          PrincipalInertia<T>{{as<T>(inertia_.x), as<T>(inertia_.y), as<T>(inertia_.z)},
+                                              {as<T>(shape_rotation_.x), as<T>(shape_rotation_.y),
+                                               as<T>(shape_rotation_.z), as<T>(shape_rotation_.w)}},
+                          material);
   }
 
  private:
@@ -112,11 +132,11 @@ class Body {
   friend class Body;
 
   /// What f() refuses names this body by what it is: an index it has only in a System.
-  template <class F>
-  static auto naming(const Shape& shape, const S& mass, const F& f) {
+  template <class F, class... What>
+  static auto naming(const F& f, const Shape& shape, const What&... what) {
     const auto name = [&] {
       const auto of = detail::with_shape(shape, [](const auto& s) { return s.describe(); });
-      return detail::text("body (", of, ", ", mass, " kg), ");
+      return detail::text("body (", of, ", ", what..., "), ");
     };
     return detail::naming(name, f);
   }
@@ -132,13 +152,31 @@ class Body {
         bounding_radius_(detail::with_shape(shape, [](const auto& s) { return s.bounding_radius(); })) {
     if constexpr (std::is_floating_point_v<S>) {  // packs and dual numbers are cast from bodies that were
                                                   // checked
-      naming(shape, mass, [&] {
+      const auto check = [&] {
         if (!(mass > S(0)) || !is_finite(mass)) detail::refuse("mass", "a positive number of kg", mass);
         detail::check_within("mass", mass, 1 / BodyLimits<S>::mass, BodyLimits<S>::mass, " kg");
         detail::with_shape(shape, [](const auto& s) { s.check(); });
         check_moments(inertia.moments);
         detail::check_material(material);
-      });
+      };
+      naming(check, shape, mass, " kg");
+    }
+  }
+
+  struct Kinematic {};
+  Body(Kinematic, const Shape& shape, const Material<S>& material)
+      : shape_(shape),
+        mass_(0),
+        inverse_mass_(0),
+        material_(material),
+        bounding_radius_(detail::with_shape(shape, [](const auto& s) { return s.bounding_radius(); })),
+        kinematic_(true) {
+    if constexpr (std::is_floating_point_v<S>) {
+      const auto check = [&] {
+        detail::with_shape(shape, [](const auto& s) { s.check(); });
+        detail::check_material(material);
+      };
+      naming(check, shape, "kinematic");
     }
   }
 
@@ -150,6 +188,7 @@ class Body {
   Vec3<S> inverse_inertia_;
   Material<S> material_;
   S bounding_radius_;
+  bool kinematic_ = false;
 };
 
 template <template <class> class Shape, class S>

@@ -1,7 +1,11 @@
 #pragma once
 
+#include <algorithm>
+#include <array>
+#include <iterator>
 #include <rbres/body/body.hpp>
 #include <rbres/body/state.hpp>
+#include <utility>
 #include <vector>
 
 namespace rbres {
@@ -60,11 +64,37 @@ std::vector<Plane<S>> checked_planes(std::vector<Plane<S>> planes) {
   return planes;
 }
 
+/// The pairs in order, each with its smaller index first. Throws Error for one that is no pair of so many
+/// bodies and planes.
+inline std::vector<std::array<int, 2>> checked_pairs(std::vector<std::array<int, 2>> pairs, int bodies,
+                                                     std::ptrdiff_t planes) {
+  for (auto& [first, second] : pairs) {
+    if (first > second) std::swap(first, second);
+    if (second < 0 || second >= bodies || first >= second || first < -planes) {
+      refuse("pair without contact",
+             text("two bodies from 0 to ", bodies - 1, ", or a plane from ", -planes, " to -1 and a body"),
+             text(first, " and ", second));
+    }
+  }
+  std::sort(pairs.begin(), pairs.end());
+  return pairs;
+}
+
+/// Whether contacts move one of two bodies; `first` is negative for a plane.
+template <class Bodies>
+bool one_moves(const Bodies& bodies, int first, int second) {
+  const auto moves = [&](int i) { return i >= 0 && !bodies[static_cast<std::size_t>(i)].is_kinematic(); };
+  return moves(first) || moves(second);
+}
+
 }  // namespace detail
+
+/// A pair that shall not collide: two bodies, or a plane and a body, in either order. Plane p is -1 - p.
+using PairWithoutContact = std::array<int, 2>;
 
 /// N bodies and the planes around them: everything that does not change while they move. A System is read
 /// only; where the bodies are stands in a SystemState. Throws Error where a plane's normal is not a unit
-/// vector.
+/// vector, or where a pair that shall not collide is none.
 template <class S, int N, class Shape_ = AnyShape<S>>
 class System {
   static_assert(N >= 1, "a System has at least one body");
@@ -76,8 +106,13 @@ class System {
   using State = SystemState<S, N>;
   static constexpr int bodies = N;
 
-  System(const std::array<BodyType, N>& bodies, std::vector<Plane<S>> planes = {})
-      : bodies_(bodies), planes_(detail::checked_planes(std::move(planes))) {}
+  System(const std::array<BodyType, N>& bodies, std::vector<Plane<S>> planes = {},
+         std::vector<PairWithoutContact> without_contact = {})
+      : bodies_(bodies),
+        planes_(detail::checked_planes(std::move(planes))),
+        without_contact_(detail::checked_pairs(std::move(without_contact), N, std::ssize(planes_))) {
+    for (const BodyType& body : bodies_) any_kinematic_ = any_kinematic_ || body.is_kinematic();
+  }
   /// N times the same body.
   static System of(const BodyType& every, std::vector<Plane<S>> planes = {}) {
     return System(repeat(every, std::make_index_sequence<N>{}), std::move(planes));
@@ -85,6 +120,15 @@ class System {
 
   const BodyType& operator[](int i) const { return bodies_[static_cast<std::size_t>(i)]; }
   const std::vector<Plane<S>>& planes() const { return planes_; }
+
+  /// Whether two bodies may collide, or a plane and a body (-1 - p for plane p; the smaller index first).
+  bool collides(int first, int second) const noexcept {
+    if (any_kinematic_ && !detail::one_moves(bodies_, first, second)) return false;
+    return without_contact_.empty() || !std::binary_search(without_contact_.begin(), without_contact_.end(),
+                                                           PairWithoutContact{first, second});
+  }
+  /// The pairs that are kept from colliding, in order, the smaller index first.
+  const std::vector<PairWithoutContact>& without_contact() const { return without_contact_; }
 
   /// The same system in another scalar; packs get it in every lane.
   template <class T>
@@ -102,10 +146,12 @@ class System {
   template <class T, std::size_t... I>
   auto cast_bodies(std::vector<Plane<T>> planes, std::index_sequence<I...>) const {
     using Other = System<T, N, typename detail::CastShape<Shape, T>::type>;
-    return Other({bodies_[I].template cast<T>()...}, std::move(planes));
+    return Other({bodies_[I].template cast<T>()...}, std::move(planes), without_contact_);
   }
   std::array<BodyType, N> bodies_;
   std::vector<Plane<S>> planes_;
+  std::vector<PairWithoutContact> without_contact_;  ///< sorted, the smaller index first
+  bool any_kinematic_ = false;
 };
 
 /// How many bodies a system has: a System's type says so; what stands in for one with a number that is known

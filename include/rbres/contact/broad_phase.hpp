@@ -38,8 +38,8 @@ void sweep(Order& order, const Position& position, const Reach& reach, const Fou
 
 }  // namespace detail
 
-/// Finds the pairs whose bounding balls, grown by how far each body may move, overlap: sort and sweep along
-/// x. Pairs come out in order of (first, second).
+/// Finds the pairs that may collide and whose bounding balls, grown by how far each body may move, overlap:
+/// sort and sweep along x. Pairs come out in order of (first, second).
 template <class S, int N>
 class BroadPhase {
   /// Few bodies are compared one by one, and so are lanes, which would be sorted differently.
@@ -66,7 +66,9 @@ class BroadPhase {
       const auto planes_end = static_cast<std::ptrdiff_t>(pairs_.size());
       detail::sweep(
           order_, [&](int i) -> const Vec3<S>& { return state[i].position; }, reach_of,
-          [&](const Candidate& pair) { pairs_.push_back(pair); });
+          [&](const Candidate& pair) {
+            if (system.collides(pair.first, pair.second)) pairs_.push_back(pair);
+          });
       std::sort(pairs_.begin() + planes_end, pairs_.end(), detail::comes_before);
     }
     return pairs_;

@@ -20,8 +20,8 @@ class ContactRows {
 
  public:
   struct Row {
-    Candidate who;
-    std::size_t point;  ///< its place in the pair's manifold
+    Candidate who, moved;  ///< as in ContactPair
+    std::size_t point;     ///< its place in the pair's manifold
     MaskOf<S> active;
     S target, friction;
     std::variant<FixedPoint, FreePoint> at;  ///< with a plane, or between two bodies
@@ -52,6 +52,7 @@ class ContactRows {
            const S& target, const S& friction, Motions& motion) {
     Row& row = rows_.emplace_back();
     row.who = pair.who;
+    row.moved = pair.moved;
     row.point = i;
     row.active = active;
     row.target = target;

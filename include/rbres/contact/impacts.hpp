@@ -44,7 +44,7 @@ class Impacts {
         if (!any(hit)) continue;
         changed = changed | hit;
         count += hit;
-        for (const int i : {pairs[k].who.first, pairs[k].who.second}) {
+        for (const int i : {pairs[k].moved.first, pairs[k].moved.second}) {
           if (i >= 0) answered_[std::size_t(i)] += select(hit, S(1), S(0));
         }
       }
@@ -105,8 +105,8 @@ class Impacts {
         h.hit = h.hit | (pair.touching[i] & fast);
         touches = touches | pair.touching[i];
       }
-      S answers = answered_[std::size_t(pair.who.second)];
-      if (pair.who.first >= 0) answers = maximum(answers, answered_[std::size_t(pair.who.first)]);
+      S answers = answered_[std::size_t(pair.moved.second)];
+      if (pair.moved.first >= 0) answers = maximum(answers, answered_[std::size_t(pair.moved.first)]);
       const MaskOf<S> tired = answers > as<S>(double(last ? -1 : most_answers));
       h.surface.restitution = select(tired, S(0), h.surface.restitution);
       h.plastic = h.surface.restitution <= S(0);
@@ -121,8 +121,8 @@ class Impacts {
     islands_.clear();
     for (std::size_t k = 0; k < pairs.size(); ++k) {
       if (!any(hit_[k].joins)) continue;
-      islands_.add(k, pairs[k].who.first, pairs[k].who.second);
-      for (const int i : {pairs[k].who.first, pairs[k].who.second}) {
+      islands_.add(k, pairs[k].moved.first, pairs[k].moved.second);
+      for (const int i : {pairs[k].moved.first, pairs[k].moved.second}) {
         if (i < 0) continue;
         MaskOf<S>& u = used[std::size_t(i)];
         const MaskOf<S>& joins = hit_[k].joins;
@@ -143,7 +143,7 @@ class Impacts {
     for (const std::size_t k : island) hit = hit | hit_[k].hit;
     if (!any(hit)) return;
     for (const std::size_t k : island) {
-      for (const int i : {pairs[k].who.first, pairs[k].who.second}) {
+      for (const int i : {pairs[k].moved.first, pairs[k].moved.second}) {
         if (i < 0) continue;
         MaskOf<S>& changed = changed_[std::size_t(i)];
         changed = changed | (hit_[k].joins & hit);

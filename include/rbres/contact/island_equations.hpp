@@ -19,7 +19,7 @@ template <class S>
 struct PointJacobian {
   using Line = std::array<S, 6>;            ///< by a body's velocity and its angular velocity
   std::size_t first, second;                ///< the bodies' places in the island
-  std::array<Line, 3> on_first, on_second;  ///< on_first is not there for a plane
+  std::array<Line, 3> on_first, on_second;  ///< on_first is not read where contacts move one body alone
 };
 
 /// The linear equations of one step of Newton's method over the velocities of an island's bodies,
@@ -33,7 +33,7 @@ class IslandEquations {
   static constexpr std::size_t N = System::bodies;
 
  public:
-  static constexpr std::size_t plane = N;  ///< stands for a plane's place
+  static constexpr std::size_t plane = N;  ///< stands for the place of a plane or of a kinematic body
 
   IslandEquations() : matrix_(N, std::min<std::size_t>(6 * N * (6 * N + 1) / 2, most_numbers)) {
     bodies_.reserve(N);
@@ -56,21 +56,26 @@ class IslandEquations {
       }
     }
   }
-  /// The Jacobian of a point between `who`. Bodies get their places in the order in which they are named.
+  /// The Jacobian of a point between `who`, of which contacts move `moved` (see ContactPair). Bodies get
+  /// their places in the order in which they are named.
   template <class Point>
-  Jacobian jacobian(const Candidate& who, const Point& point) {
+  Jacobian jacobian(const Candidate& who, const Candidate& moved, const Point& point) {
     const auto line = [](const Vec3<S>& direction, const Vec3<S>& arm) {
       return Six{direction.x, direction.y, direction.z, arm.x, arm.y, arm.z};
     };
     Jacobian j{};
     j.first = plane;
-    j.second = place(who.second);
+    j.second = place(moved.second);
     for (std::size_t d = 0; d < 3; ++d) j.on_second[d] = line(point.direction(d), point.second_arm(d));
     if constexpr (requires { point.first_arm(0); }) {
-      j.first = place(who.first);
       for (std::size_t d = 0; d < 3; ++d) j.on_first[d] = line(-point.direction(d), -point.first_arm(d));
-      const auto [low, high] = std::minmax(j.first, j.second);
-      first_[high] = std::min(first_[high], low);
+      if (moved.first >= 0) {
+        j.first = place(moved.first);
+        const auto [low, high] = std::minmax(j.first, j.second);
+        first_[high] = std::min(first_[high], low);
+      } else if (moved.second == who.first) {
+        j.on_second = j.on_first;
+      }
     }
     return j;
   }
@@ -82,6 +87,11 @@ class IslandEquations {
     inertia_.clear();
     for (const int body : bodies_) {
       const Motion<S>& m = motion[static_cast<std::size_t>(body)];
+      // No point names a kinematic body; in lanes it has a place, and any mass does.
+      if (Packed<S> && !any(m.inverse_mass > S(0))) {
+        inertia_.push_back({S(1), {{S(1), S(0), S(0)}, {S(0), S(1), S(0)}, {S(0), S(0), S(1)}}});
+        continue;
+      }
       inertia_.push_back({inverse(m.inverse_mass), symmetric_inverse(m.inverse_inertia)});
     }
     return matrix_.shape(first_, most_products);

@@ -120,7 +120,7 @@ class IslandNewton {
     equations_.clear();
     rows.each(motion, [&](auto& row, auto& point, auto&, auto&) {
       RowState& r = rows_.emplace_back();
-      r.jacobian = equations_.jacobian(row.who, point);
+      r.jacobian = equations_.jacobian(row.who, row.moved, point);
       r.active = row.active;
     });
     return equations_.shape(motion);

@@ -8,7 +8,7 @@
 namespace rbres::detail {
 
 /// Groups pairs of bodies into islands: pairs that share a body, directly or through others, are solved
-/// together; islands are independent of one another. Planes join nothing: they do not move.
+/// together; islands are independent of one another. Planes and kinematic bodies join nothing.
 template <int N>
 class Islands {
  public:
@@ -18,7 +18,7 @@ class Islands {
   }
 
   void clear() { pairs_.clear(); }
-  /// `first` is negative for a plane.
+  /// `first` is negative for what contacts do not move.
   void add(std::size_t pair, int first, int second) { pairs_.push_back({pair, first, second}); }
 
   /// Finds the islands, by union and find; or takes all pairs as one (`together`), because lanes would

@@ -33,14 +33,15 @@ struct NearPair {
 /// With what a body is compared.
 enum class Partners { planes, planes_and_bodies };
 
-/// The pairs among `bodies` bodies at position(i), and between them and `planes`, whose balls of radius
-/// reach(i) (m) overlap in at least one lane: planes first, in order of the plane's or first body's index,
-/// then of the second's. Every pair is compared; nothing is stored.
-template <class S, Partners partners, class Position, class Reach>
+/// The pairs among `bodies` bodies at position(i), and between them and `planes`, that may collide(first,
+/// second) and whose balls of radius reach(i) (m) overlap in at least one lane: planes first, in order of the
+/// plane's or first body's index, then of the second's. Every pair is compared; nothing is stored.
+template <class S, Partners partners, class Position, class Reach, class Collides>
 class NearPairs {
  public:
-  NearPairs(std::span<const Plane<S>> planes, int bodies, const Position& position, const Reach& reach)
-      : planes_(planes), bodies_(bodies), position_(position), reach_(reach) {}
+  NearPairs(std::span<const Plane<S>> planes, int bodies, const Position& position, const Reach& reach,
+            const Collides& collides)
+      : planes_(planes), bodies_(bodies), position_(position), reach_(reach), collides_(collides) {}
 
   class Iterator {
    public:
@@ -54,7 +55,7 @@ class NearPairs {
         if (++who_.second >= pairs_->bodies_) next_first();
         if (at_end()) break;
         near_ = pairs_->near(who_);
-      } while (!any(near_));
+      } while (!any(near_) || !pairs_->collides_(who_.first, who_.second));
       return *this;
     }
     friend bool operator==(const Iterator& i, std::default_sentinel_t) { return i.at_end(); }
@@ -92,6 +93,7 @@ class NearPairs {
   int bodies_;
   Position position_;
   Reach reach_;
+  Collides collides_;
 };
 
 /// Where the bodies of a state are.
@@ -101,12 +103,19 @@ struct PositionIn {
   const auto& operator()(int i) const { return (*state)[i].position; }
 };
 
+/// Which pairs of a system may collide.
+template <class System>
+struct CollidesIn {
+  const System* system;
+  bool operator()(int first, int second) const { return system->collides(first, second); }
+};
+
 /// The near pairs of a system in a state.
 template <Partners partners = Partners::planes_and_bodies, class System, class Reach>
 auto near_pairs(const System& system, const typename System::State& state, const Reach& reach) {
   using Position = PositionIn<typename System::State>;
-  return NearPairs<typename System::Scalar, partners, Position, Reach>(system.planes(), bodies_of(system),
-                                                                       Position{&state}, reach);
+  return NearPairs<typename System::Scalar, partners, Position, Reach, CollidesIn<System>>(
+      system.planes(), bodies_of(system), Position{&state}, reach, CollidesIn<System>{&system});
 }
 
 }  // namespace detail

@@ -141,10 +141,14 @@ template <class... Models, class S, class Shape>
 [[gnu::always_inline]] inline Wrench<S> local_wrench(const Forces<Models...>& forces,
                                                      const Body<S, Shape>& body, const RigidState<S>& state,
                                                      int i, const S& t) {
-  return std::apply(
-      [&](const auto&... m)
-          __attribute__((always_inline)) { return (local_wrench(m, body, state, i, t) + ...); },
-      forces.models);
+  if constexpr (sizeof...(Models) == 0) {
+    return {};
+  } else {
+    return std::apply(
+        [&](const auto&... m)
+            __attribute__((always_inline)) { return (local_wrench(m, body, state, i, t) + ...); },
+        forces.models);
+  }
 }
 
 /// The wrench of any model.

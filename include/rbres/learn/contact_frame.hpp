@@ -76,12 +76,14 @@ struct ContactFrame {
     };
     const auto reach = [&](int i) { return reach_[static_cast<std::size_t>(i)]; };
     const auto from_plane = [&](int i) { return reach(i) + 0.5 * scales.margin; };
+    const auto collides = [&](int first, int second) { return one_moves(scene.bodies, first, second); };
     const int n = static_cast<int>(scene.bodies.size());
-    for (const auto& pair : NearPairs<double, Partners::planes, decltype(middle), decltype(from_plane)>(
-             scene.planes, n, middle, from_plane))
+    using ByPlanes =
+        NearPairs<double, Partners::planes, decltype(middle), decltype(from_plane), decltype(collides)>;
+    for (const auto& pair : ByPlanes(scene.planes, n, middle, from_plane, collides))
       add_plane(scene, static_cast<std::size_t>(-1 - pair.who.first),
                 static_cast<std::size_t>(pair.who.second), base, scales);
-    find_pairs(middle, reach);
+    find_pairs(middle, reach, collides);
     for (const Candidate& pair : pairs_)
       add_pair(scene, static_cast<std::size_t>(pair.first), static_cast<std::size_t>(pair.second), base,
                scales);
@@ -120,15 +122,15 @@ struct ContactFrame {
 
  private:
   /// The pairs of bodies of the last scene that may touch within the frame.
-  template <class Position, class Reach>
-  void find_pairs(const Position& position, const Reach& reach) {
+  template <class Position, class Reach, class Collides>
+  void find_pairs(const Position& position, const Reach& reach, const Collides& collides) {
     if (order_.size() != reach_.size()) {
       order_.resize(reach_.size());
       std::iota(order_.begin(), order_.end(), 0);
     }
     pairs_.clear();
     sweep(order_, position, reach, [&](const Candidate& pair) {
-      if (pairs_.size() < most_) pairs_.push_back(pair);
+      if (pairs_.size() < most_ && collides(pair.first, pair.second)) pairs_.push_back(pair);
     });
     std::sort(pairs_.begin(), pairs_.end(), comes_before);
   }

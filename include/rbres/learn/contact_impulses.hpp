@@ -164,7 +164,7 @@ inline Vec3<double> spin_change(const BodyImpulse& sum, const Vec3<double>& velo
 template <class Shape>
 RigidState<double> pushed(const Body<double, Shape>& body, const RigidState<double>& flown,
                           const BodyImpulse& sum) {
-  if (sum.nothing()) return flown;
+  if (sum.nothing() || body.is_kinematic()) return flown;
   RigidState<double> after;
   after.position = flown.position + body.inverse_mass() * sum.way;
   after.velocity = flown.velocity + body.inverse_mass() * sum.linear;
@@ -182,7 +182,7 @@ BodyImpulse add_pushed_gradient(const Body<double, Shape>& body, const RigidStat
                                 const BodyImpulse& sum, const RigidState<double>& by_after,
                                 RigidState<double>& by_flown) {
   BodyImpulse by{};
-  if (!sum.touched) {
+  if (!sum.touched || body.is_kinematic()) {
     by_flown.vector() += by_after.vector();
     return by;
   }

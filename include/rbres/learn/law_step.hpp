@@ -32,6 +32,10 @@ class LawStep {
                        std::max(PairManifold<double, Shape>::points, PlaneManifold<double, Shape>::points))),
         discrete_(discrete(system)) {
     law.check_step(options.step);
+    if constexpr (requires { system.without_contact(); }) {
+      if (!system.without_contact().empty())
+        refuse("pairs without contact", "none, for a learned contact law", system.without_contact().size());
+    }
     if constexpr (requires { start_.body.reserve(bodies().size()); }) {
       start_.body.reserve(bodies().size());
       flown_.body.reserve(bodies().size());

@@ -32,6 +32,7 @@ class BasicSceneSystem {
   int size() const { return static_cast<int>(bodies_.size()); }
   const BodyType& operator[](int i) const { return bodies_[static_cast<std::size_t>(i)]; }
   const std::vector<Plane<S>>& planes() const { return planes_; }
+  bool collides(int first, int second) const noexcept { return detail::one_moves(bodies_, first, second); }
 
  private:
   std::vector<BodyType> bodies_;

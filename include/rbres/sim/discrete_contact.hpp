@@ -3,6 +3,7 @@
 #include <rbres/body/mechanics.hpp>
 #include <rbres/contact/contact_pair.hpp>
 #include <rbres/core/reserved.hpp>
+#include <tuple>
 
 namespace rbres {
 
@@ -82,6 +83,28 @@ struct Gain {
   S lost;                ///< energy that the integrator lost, as those of first order do, J
 };
 
+/// After the impact of a body and a kinematic one, `partner`, with the velocities of `motion` where `hit`:
+/// what a plane does that moves with the partner's surface. `normal` and `depth` (m, 0 where they do not
+/// overlap) lead the body out.
+template <class S, class Shape>
+void meet_kinematic(const RigidState<S>& partner, const Body<S, Shape>& body, const Vec3<S>& normal,
+                    const S& depth, const Gain<S>& gain, const MaskOf<S>& hit, const Motion<S>& motion,
+                    RigidState<S>& state) {
+  const Vec3<S> carried =
+      partner.velocity + cross(partner.angular_velocity_world(), state.position - partner.position);
+  const auto relative = [&] {
+    RigidState<S> y = state;
+    y.velocity -= carried;
+    return y;
+  };
+  const S before = kinetic_energy(body, relative()) + gain.lost;
+  set_velocities_where(hit, state, motion);
+  RigidState<S> out = relative();
+  push_out(body, normal, depth, S(-depth * body.mass() * dot(gain.acceleration, normal)), before, out);
+  out.velocity += carried;
+  state = select(depth > S(0), out, state);
+}
+
 /// One pair at the end of a step, in the lanes `where`: impulse where it overlaps and approaches, and the
 /// overlap taken away along the normal, shared by inverse mass. What the step's forces alone can have given
 /// in two steps is rest, not approach. What the move costs against the forces is taken out of the motion.
@@ -128,11 +151,20 @@ void meet(const System& system, const Reserved<Gain<typename System::Scalar>>& g
     const MaskOf<S> hit = resolve_impact<fixed>(manifold, touching, surface_of(system, first, second),
                                                 maximum(rest_speed, fallen), S(0), a, b);
     tally.impacts += hit;
-    const Vec3<S> shift = select(overlaps, depth, S(0)) * manifold.normal;
+    const S out = select(overlaps, depth, S(0));
+    const Vec3<S> shift = out * manifold.normal;
+    if constexpr (!fixed) {
+      for (const auto& [partner, i, normal, motion] : {std::tuple(first, second, manifold.normal, &b),
+                                                       std::tuple(second, first, -manifold.normal, &a)}) {
+        if (!system[partner].is_kinematic()) continue;
+        meet_kinematic(y[partner], system[i], normal, out, gain(i), hit, *motion, y[i]);
+        return;
+      }
+    }
     set_velocities_where(hit, y[second], b);
     S cost = (share - S(1)) * system[second].mass() * dot(gain(second).acceleration, shift);
     if constexpr (fixed) {
-      push_out(system[second], manifold.normal, select(overlaps, depth, S(0)), cost, energy, y[second]);
+      push_out(system[second], manifold.normal, out, cost, energy, y[second]);
     } else {
       set_velocities_where(hit, y[first], a);
       cost += share * system[first].mass() * dot(gain(first).acceleration, shift);

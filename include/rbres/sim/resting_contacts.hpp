@@ -60,10 +60,10 @@ class RestingContacts {
       }
       if (!any(pair.any_resting)) continue;
       found = true;
-      for (const int body : {pair.who.first, pair.who.second}) {
+      for (const int body : {pair.moved.first, pair.moved.second}) {
         if (body >= 0) rests_[index(body)] = rests_[index(body)] | pair.any_resting;
       }
-      islands_.add(k, pair.who.first, pair.who.second);
+      islands_.add(k, pair.moved.first, pair.moved.second);
     }
     if (found) islands_.group(Packed<S>);
     return found;
@@ -121,7 +121,7 @@ class RestingContacts {
       rows_.solve(end, open);
       rows_.each(end, [&](auto& row, auto& point, auto&, auto&) {
         memory_.keep(row, kept_rate, open);
-        if (!row.plane()) add_paired_force(row, point, y, end, rate, contact);
+        if (row.moved.first >= 0) add_paired_force(row, point, y, end, rate, contact);
       });
     }
     memory_.finish(open);
@@ -211,6 +211,7 @@ class RestingContacts {
 
   /// Resting contacts do no work but that of friction, which is never positive: what their forces did too
   /// much from y to `flown`, and the impulses from there to `end`, is taken out of the islands' motion again.
+  /// Where a kinematic body drives an island, its contacts may do any work.
   void bound_energy(const Pairs& pairs, const State& y, const State& flown, const Forces& contact,
                     const S& part, State& end) {
     for (std::size_t island = 0; island < islands_.count(); ++island) {
@@ -222,8 +223,8 @@ class RestingContacts {
         for (int round = 1; round < N; ++round) {
           for (const std::size_t k : islands_[island]) {
             const Pair& pair = pairs[k];
-            if (pair.plane()) continue;
-            S &a = name[index(pair.who.first)], &b = name[index(pair.who.second)];
+            if (pair.moved.first < 0) continue;
+            S &a = name[index(pair.moved.first)], &b = name[index(pair.moved.second)];
             const S least = minimum(a, b);
             a = select(pair.any_resting, least, a);
             b = select(pair.any_resting, least, b);
@@ -242,10 +243,16 @@ class RestingContacts {
                     const std::array<MaskOf<S>, N>& members, const State& y, const State& flown,
                     const Forces& contact, const S& part, State& end) {
     energy_.start();
+    MaskOf<S> driven(false);  // by a kinematic body, whose contacts do any work
     for (const std::size_t k : island) {
       const Pair& pair = pairs[k];
-      energy_.add(pair.who, normals_[k], pair.surface.friction,
-                  pair.any_resting & members[index(pair.who.second)]);
+      const MaskOf<S> member = pair.any_resting & members[index(pair.moved.second)];
+      energy_.add(pair.moved, normals_[k], pair.surface.friction, member);
+      if (pair.moved.first >= 0 || pair.plane()) continue;
+      const RigidState<S>& partner =
+          y[pair.moved.second == pair.who.first ? pair.who.second : pair.who.first];
+      const MaskOf<S> moves = squared_norm(partner.velocity) + squared_norm(partner.angular_velocity) > S(0);
+      driven = driven | (member & moves);
     }
     S excess(0);
     for (const int i : energy_.bodies()) {
@@ -254,7 +261,7 @@ class RestingContacts {
                        kinetic_energy(body, flown[i]);
       excess += select(members[index(i)], gained, S(0));
     }
-    energy_.remove(*system_, end, excess, members);
+    energy_.remove(*system_, end, select(driven, S(0), excess), members);
   }
 
   const System* system_;

@@ -57,8 +57,8 @@ class IslandEnergy {
     axis_ = {};
     planes_ = S(0);
   }
-  /// A pair of the island: its bodies, and in the lanes `where` what a plane (first body negative) keeps them
-  /// from: with friction from all motion, without from motion along the normal.
+  /// A pair of the island: its bodies, and in the lanes `where` what a plane or a static body (`first` is -1)
+  /// keeps them from: with friction from all motion, without from motion along the normal.
   void add(const Candidate& who, const Vec3<S>& normal, const S& friction, const MaskOf<S>& where) {
     for (const int body : {who.first, who.second}) {
       if (body < 0 || listed_[std::size_t(body)]) continue;
