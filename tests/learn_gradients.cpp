@@ -2,6 +2,7 @@
 #include <doctest/doctest.h>
 
 #include <cmath>
+#include <limits>
 #include <rbres/learn/hybrid_law.hpp>
 #include <rbres/learn/rollouts.hpp>
 
@@ -41,20 +42,26 @@ Trajectory pile(const std::vector<int>& kinds, std::uint64_t seed) {
 /// the least number of contact points that the last frame must have.
 template <class L = Law>
 void check_pile(const std::vector<int>& kinds, std::size_t reaches,
-                SceneStep::Velocity velocity = SceneStep::Velocity::instant) {
+                SceneStep::Velocity velocity = SceneStep::Velocity::instant, const PhysicsTerms& terms = {}) {
   using Net = typename L::Network;
   for (const int kind : kinds) CAPTURE(kind);
   auto law = random_law<L>(7, 0.3);
   if constexpr (L::corrects) law.weight = 0.7;
   const TrajectorySet set(0.01, {0.3, 0, -9.81}, {{{0, 0, 1}, 0.01, {}}}, {pile(kinds, 3)});
+  constexpr double infinite = std::numeric_limits<double>::infinity();
   // Caps stay far away: beyond them there is no derivative.
-  const Rollouts<L> rollouts(law, set, 3, 1, {{100, 1e4}, {1, 1e4}, {1, 1e4}, {0.1, 1e4}}, velocity);
+  const Rollouts<L> rollouts(law, set, 3, 1, {{100, 1e4}, {1, 1e4}, {1, 1e4}, {0.1, 1e4}, infinite, terms},
+                             velocity);
   const std::vector<std::uint32_t> items{0};
   auto scratch = rollouts.scratch();
   ParameterGradient<Net> gradient;
   Net network = law.network;
   const double value = rollouts.differentiate(network, items, {}, scratch, gradient);
   CHECK(rollouts.value(network, items, scratch) == doctest::Approx(value).epsilon(1e-12));
+  if (terms.any()) {
+    const Rollouts<L> without(law, set, 3, 1, {{100, 1e4}, {1, 1e4}, {1, 1e4}, {0.1, 1e4}}, velocity);
+    CHECK(without.value(network, items, scratch) < 0.999 * value);
+  }
   CHECK(scratch.frames[2].contacts.contacts.size() >= reaches);
   if constexpr (L::corrects) CHECK(scratch.frames[0].answered != scratch.frames[0].flown);
   double worst = 0, largest = 0;
@@ -100,6 +107,14 @@ TEST_CASE("rollouts of velocities that are means have the derivatives of central
 
 TEST_CASE("rollouts of a correction of the analytic law have the derivatives of central differences") {
   for (const auto& kinds : {std::vector{1}, {0, 1}, {1, 1}, {2, 0, 1}}) check_pile<Hybrid>(kinds, 3);
+}
+
+TEST_CASE("terms of physics have the derivatives of central differences") {
+  constexpr auto instant = SceneStep::Velocity::instant;
+  check_pile({1, 0}, 4, instant, {.energy = 300});
+  check_pile({1, 2}, 4, instant, {.penetration = 5000});
+  check_pile({0, 1}, 4, instant, {.complementarity = 200});
+  check_pile<Hybrid>({2, 0, 1}, 3, instant, {.energy = 10, .penetration = 300, .complementarity = 20});
 }
 
 TEST_CASE("rollouts that make no sense are refused") {

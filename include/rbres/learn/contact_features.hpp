@@ -152,9 +152,9 @@ struct ContactGradient {
   ContactPlace at{};
   std::array<Vec3<double>, 2> arm{};
   Vec3<double> tangent{}, side{};
-  double gap_after = 0, presence = 0, twist_sign = 0, normal_mobility = 0, tangent_mobility = 0,
-         twist_mobility = 0, length = 0, response = 0, swerve = 0, along_tangent = 0, across = 0,
-         along_side = 0;
+  double gap_before = 0, gap_after = 0, presence = 0, twist_sign = 0, normal_mobility = 0,
+         tangent_mobility = 0, twist_mobility = 0, length = 0, response = 0, swerve = 0, along_tangent = 0,
+         across = 0, along_side = 0;
 };
 
 /// The way back through the features that measure_responses() fills in.
@@ -180,8 +180,8 @@ inline void add_measure_gradient(const Contact& c, const FlightPair<const Contac
   Vec3<double>& by_n = by.at.normal;
   const double g = scales.gap(), v = scales.speed;
   const auto& f = by_features;
-  double by_before =
-      f[0] * squash_slope(c.gap_before / (4 * g)) / g + f[2] * squash_slope(10 * c.gap_before / g) * 10 / g;
+  double by_before = by.gap_before + f[0] * squash_slope(c.gap_before / (4 * g)) / g +
+                     f[2] * squash_slope(10 * c.gap_before / g) * 10 / g;
   double by_after = by.gap_after + f[1] * squash_slope(c.gap_after / (4 * g)) / g +
                     f[3] * squash_slope(10 * c.gap_after / g) * 10 / g;
   double by_normal_speed = f[4] / v;

@@ -2,6 +2,7 @@
 
 #include <rbres/learn/analytic_answer.hpp>
 #include <rbres/learn/contact_law.hpp>
+#include <rbres/learn/physics_terms.hpp>
 #include <rbres/learn/scene_step.hpp>
 
 #include <span>
@@ -48,12 +49,13 @@ class FrameGradient {
   static constexpr RigidState<double> zero{{}, {0, 0, 0, 0}, {}, {}};
 
   /// From the derivatives by the states where the frame ends to those by the states where it begins. Adds to
-  /// the derivatives by the parameters. bodies[i] is a System of body i alone; `scenes` are the scenes of the
-  /// frame, one behind the other.
+  /// the derivatives by the parameters. `shares` is what the terms of each body's contacts are multiplied
+  /// with. bodies[i] is a System of body i alone; `scenes` are the scenes of the frame, one behind the other.
   void operator()(const Law& law, const Net& network, std::span<const System<double, 1>* const> bodies,
                   std::span<const SceneSystem* const> scenes, const std::vector<Plane<double>>& planes,
                   const Gravity<double>& gravity, SceneStep::Velocity velocity, RolloutFrame<Law>& frame,
-                  const States& by_end, States& by_start, ParameterGradient<Net>& gradient) {
+                  const PhysicsTerms& terms, std::span<const double> shares, const States& by_end,
+                  States& by_start, ParameterGradient<Net>& gradient) {
     const std::size_t count = bodies.size();
     const double time = law.scales.frame_time;
     by_flown_.assign(count, zero);
@@ -69,7 +71,7 @@ class FrameGradient {
       by_sums_[i] = add_pushed_gradient((*bodies[i])[0], answered[i], frame.contacts.sums[i] * law.weight,
                                         by_end[i], by_answered[i]) *
                     law.weight;
-    back_through_contacts(law, network, frame, gradient);
+    back_through_contacts(law, network, frame, terms, shares, gradient);
     if constexpr (Law::corrects) back_through_answers(scenes, frame, time);
     for (std::size_t k = 0; k < frame.contacts.contacts.size();)
       k = back_through_places(bodies, planes, frame.contacts, k);
@@ -104,6 +106,7 @@ class FrameGradient {
 
   /// From the derivatives by the bodies' sums to those by places and flights.
   void back_through_contacts(const Law& law, const Net& network, RolloutFrame<Law>& rollout,
+                             const PhysicsTerms& terms, std::span<const double> shares,
                              ParameterGradient<Net>& gradient) {
     auto& frame = rollout.contacts;
     const std::size_t contacts = frame.contacts.size();
@@ -116,9 +119,17 @@ class FrameGradient {
     by_contacts_.assign(contacts, {});
     for (std::size_t k = 0; k < contacts; ++k) {
       const Contact& c = frame.contacts[k];
-      const auto by =
+      auto by =
           add_impulse_gradient(c, frame.output(k), pair_of(c, std::as_const(frame.flights)), law.scales,
                                pair_of(c, std::as_const(by_sums_)), by_contacts_[k], pair_of(c, by_flights_));
+      if (terms.any()) {
+        const ContactCost cost = contact_cost(terms, c, frame.output(k)[0], law.scales);
+        const double share = shares[static_cast<std::size_t>(c.second)];
+        by[0] += share * cost.by_output;
+        by_contacts_[k].presence += share * cost.by_presence;
+        by_contacts_[k].gap_before += share * cost.by_gap_before;
+        by_contacts_[k].gap_after += share * cost.by_gap_after;
+      }
       for (std::size_t i = 0; i < by.size(); ++i)
         by_outputs_(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) = static_cast<T>(by[i]);
     }

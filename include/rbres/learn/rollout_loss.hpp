@@ -1,6 +1,6 @@
 #pragma once
 
-#include <rbres/learn/contact_flight.hpp>
+#include <rbres/learn/physics_terms.hpp>
 
 #include <cmath>
 #include <limits>
@@ -21,6 +21,7 @@ struct RolloutLoss {
   /// stayed as it is (or, of velocities, grew with time). Impacts can make errors grow without bound; what
   /// such rollouts say of their beginnings drowns all others, and is scaled down to this.
   double largest_growth = std::numeric_limits<double>::infinity();
+  PhysicsTerms physics{};
 };
 
 namespace detail {

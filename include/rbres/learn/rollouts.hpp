@@ -26,7 +26,8 @@ class Rollouts {
     std::vector<detail::RolloutFrame<Law>> frames;
     std::vector<const System<double, 1>*> bodies;
     std::vector<const SceneSystem*> scenes;
-    States states, by_end, by_start;
+    std::vector<double> shares;  ///< of a body's errors in the whole
+    States states, by_end, by_start, by_energy;
     detail::FrameGradient<Law> gradient;
   };
 
@@ -63,6 +64,10 @@ class Rollouts {
       forward(network, items, own.frames[index(t)], own);
       own.by_end.assign(own.states.size(), zero);
       value += add_losses(items, t + 1, own.states, own.by_end);
+      if (loss_.physics.any())
+        value +=
+            contact_costs(own.frames[index(t)], own.shares) +
+            add_energy_gained(items, own.frames[index(t)].start, own.states, own, own.by_end, own.by_end);
     }
     return value;
   }
@@ -74,10 +79,17 @@ class Rollouts {
     double value = 0;
     own.by_end.assign(own.states.size(), zero);
     for (int t = frames_; t-- > 0;) {
-      value +=
-          add_losses(items, t + 1, t + 1 < frames_ ? own.frames[index(t + 1)].start : own.states, own.by_end);
+      const auto& frame = own.frames[index(t)];
+      const States& end = t + 1 < frames_ ? own.frames[index(t + 1)].start : own.states;
+      value += add_losses(items, t + 1, end, own.by_end);
+      own.by_energy.assign(end.size(), zero);
+      if (loss_.physics.any())
+        value += contact_costs(frame, own.shares) +
+                 add_energy_gained(items, frame.start, end, own, own.by_energy, own.by_end);
       own.gradient(law_, network, own.bodies, own.scenes, set_->planes(), Gravity<double>{set_->gravity()},
-                   velocity_, own.frames[index(t)], own.by_end, own.by_start, gradient);
+                   velocity_, own.frames[index(t)], loss_.physics, own.shares, own.by_end, own.by_start,
+                   gradient);
+      for (std::size_t i = 0; i < end.size(); ++i) own.by_start[i].vector() += own.by_energy[i].vector();
       limit_growth(items, own.by_start);
       own.by_end.swap(own.by_start);
     }
@@ -91,6 +103,8 @@ class Rollouts {
     digest.add(static_cast<std::uint64_t>(velocity_));
     for (const double x : {law_.scales.frame_time, law_.scales.speed, law_.scales.margin}) digest.add(&x, 1);
     digest.add(&loss_.largest_growth, 1);
+    for (const double x : {loss_.physics.energy, loss_.physics.penetration, loss_.physics.complementarity})
+      digest.add(&x, 1);
     for (const auto& term : {loss_.position, loss_.rotation, loss_.velocity, loss_.spin})
       for (const double x : {term.weight, term.cap}) digest.add(&x, 1);
     digest.add(law_.input.mean.data(), static_cast<std::size_t>(law_.input.mean.size()));
@@ -123,10 +137,13 @@ class Rollouts {
     own.states.clear();
     own.bodies.clear();
     own.scenes.clear();
+    own.shares.clear();
     for (const std::uint32_t item : items) {
       const Window& window = windows_[item];
       const auto start = (*set_)[window.scene].frame(window.start);
       own.states.insert(own.states.end(), start.begin(), start.end());
+      own.shares.insert(own.shares.end(), start.size(),
+                        1 / static_cast<double>(index(frames_) * start.size()));
       for (std::size_t i = 0; i < start.size(); ++i)
         own.bodies.push_back(&alone_[first_[index(window.scene)] + i]);
       if constexpr (Law::corrects) own.scenes.push_back(&scenes_[index(window.scene)]);
@@ -183,6 +200,41 @@ class Rollouts {
       for (std::size_t i = 0; i < truth.size(); ++i)
         value += detail::add_loss(loss_, states[base + i], truth[i], share, by_states[base + i]);
       base += truth.size();
+    }
+    return value;
+  }
+
+  /// What the physics terms of a frame's contacts cost.
+  double contact_costs(const detail::RolloutFrame<Law>& frame, const std::vector<double>& shares) const {
+    const auto& contacts = frame.contacts;
+    double value = 0;
+    for (std::size_t k = 0; k < contacts.contacts.size(); ++k) {
+      const detail::Contact& c = contacts.contacts[k];
+      value += shares[index(c.second)] *
+               detail::contact_cost(loss_.physics, c, contacts.output(k)[0], law_.scales).value;
+    }
+    return value;
+  }
+
+  /// What the energy costs that scenes gain from `from` to `to`; adds the derivatives by both.
+  double add_energy_gained(Items items, const States& from, const States& to, const Scratch& own,
+                           States& by_from, States& by_to) const {
+    const double weight = loss_.physics.energy / frames_;
+    double value = 0;
+    std::size_t base = 0;
+    for (const std::uint32_t item : items) {
+      const auto n = index((*set_)[windows_[item].scene].bodies());
+      const auto part = [&](auto& all) { return std::span(all).subspan(base, n); };
+      const auto bodies = part(own.bodies);
+      const Vec3<double>& g = set_->gravity();
+      const double gained =
+          detail::specific_energy(bodies, part(to), g) - detail::specific_energy(bodies, part(from), g);
+      if (gained > 0) {
+        value += weight * gained;
+        detail::add_specific_energy_gradient(bodies, part(to), g, weight, part(by_to));
+        detail::add_specific_energy_gradient(bodies, part(from), g, -weight, part(by_from));
+      }
+      base += n;
     }
     return value;
   }
