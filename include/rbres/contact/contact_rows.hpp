@@ -1,8 +1,10 @@
 #pragma once
 
+#include <algorithm>
 #include <limits>
 #include <rbres/contact/contact_pair.hpp>
 #include <rbres/contact/island_newton.hpp>
+#include <rbres/contact/pair_newton.hpp>
 #include <rbres/core/reserved.hpp>
 #include <variant>
 
@@ -70,6 +72,13 @@ class ContactRows {
     return row;
   }
 
+  /// Whether all points are those of one pair, and there are any.
+  bool one_pair() const {
+    return !rows_.empty() && std::all_of(rows_.begin(), rows_.end(), [&](const Row& row) {
+      return row.who.first == rows_[0].who.first && row.who.second == rows_[0].who.second;
+    });
+  }
+
   /// Calls f(row, contact point, first motion, second motion) for each row.
   template <class F>
   void each(Motions& motion, const F& f) {
@@ -80,20 +89,42 @@ class ContactRows {
   /// bodies. Only in the lanes `where`.
   void solve(Motions& motion, const MaskOf<S>& where) { solve(motion, where, true, tolerance_); }
 
-  /// The same to `tolerance` (m/s), with or without friction. A few sweeps settle most islands, Newton's
-  /// method the others; large heaps, for which that costs too much, are swept on, to a coarser tolerance.
+  /// The same to `tolerance` (m/s), with or without friction. Newton's method settles most single pairs, a
+  /// few sweeps most islands, Newton's method for islands what is left; large heaps, for which that costs too
+  /// much, are swept on, to a coarser tolerance.
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
     constexpr int few = 12, many = 100;
     const S coarse = as<S>(2000.0) * tolerance;
-    // Friction comes second: what it answers before the normals agree only slows it down.
-    MaskOf<S> open = sweep(motion, where, false, tolerance, few);
-    if (friction) open = sweep(motion, where, true, tolerance, few);
+    MaskOf<S> open;
+    if (one_pair()) {
+      rows_[0].plane() ? start<FixedPoint>(motion, where, friction, tolerance)
+                       : start<FreePoint>(motion, where, friction, tolerance);
+      open = sweep(motion, where, friction, tolerance, few);
+    } else {
+      // Friction comes second: what it answers before the normals agree only slows it down.
+      open = sweep(motion, where, false, tolerance, few);
+      if (friction) open = sweep(motion, where, true, tolerance, few);
+    }
     if (!any(open) || newton_.solve(*this, motion, open, friction, tolerance)) return;
     open = sweep(motion, open, false, coarse, many);
     if (friction) sweep(motion, where, true, coarse, many);
   }
 
  private:
+  /// Starts the points of one pair from the impulses that Newton's method finds.
+  template <class Point>
+  void start(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
+    const auto at = [](auto& row) -> auto& { return *std::get_if<Point>(&row.at); };
+    const Row& some = rows_[0];
+    Motion<S>& second = motion[static_cast<std::size_t>(some.who.second)];
+    Motion<S>& first = some.plane() ? second : motion[static_cast<std::size_t>(some.who.first)];
+    const S rubs = friction ? some.friction : S(0);
+    PairNewton<S, std::is_same_v<Point, FixedPoint>, Pair::points> newton(at(some).frame(), first, second);
+    for (const Row& row : rows_) newton.add(at(row), row.target, row.active & where);
+    newton.solve(rubs, tolerance);
+    for (std::size_t i = 0; i < rows_.size(); ++i) newton.apply(i, rubs, at(rows_[i]), first, second);
+  }
+
   /// Sweeps to and fro over the points, each time going on along the way so far: nonlinear conjugate
   /// gradients over projected Gauss-Seidel (Silcowitz-Hansen, Niebe, Erleben 2010), to `tolerance` (m/s).
   /// Ends with a sweep, so that every cone holds. Returns the lanes in which laws are still off.

@@ -1,7 +1,7 @@
 #pragma once
 
-#include <memory>
-#include <rbres/contact/impulse.hpp>
+#include <limits>
+#include <rbres/contact/pair_newton.hpp>
 
 namespace rbres {
 
@@ -94,14 +94,6 @@ void solve_impact(Rows& rows, const MaskOf<S>& hit) {
   });
 }
 
-/// Room for a T that is written before it is read: filling a box's contact points with zeros takes longer
-/// than many a contact.
-template <class T>
-union Unset {
-  T value;
-  Unset() {}
-};
-
 /// The points of one pair, as solve_impact wants them.
 template <bool Fixed, class S, int P, bool Central>
 class PairImpact {
@@ -137,25 +129,46 @@ class PairImpact {
       if (any(info_[i].value.active)) f(info_[i].value, points_[i].value, first_, second_);
     }
   }
-  /// Gauss-Seidel over the points.
+  /// Newton's method, then Gauss-Seidel over the points, which is done at once where the former was.
   void solve(bool friction, const MaskOf<S>& where) {
-    constexpr int sweeps = Central ? 1 : 400, calm = 50;
-    const S enough = S(16) * S(Constants<S>::epsilon) * fastest_;
+    constexpr int sweeps = Central ? 1 : 400, patience = 12;
+    const S enough = S(64) * S(Constants<S>::epsilon) * fastest_;
+    if constexpr (!Central) start(friction ? friction_ : S(0), where, enough);
     MaskOf<S> working = where;
-    for (int k = 0; k < sweeps && any(working); ++k) {
+    S rate(1), mark(std::numeric_limits<typename Constants<S>::Real>::max());
+    for (int k = 1; k <= sweeps && any(working); ++k) {
       S worst(0);
-      // Points that chase one another with their friction agree sooner when they go slower.
-      const S rate = as<S>(k < calm ? 1.0 : k < 4 * calm ? 0.5 : 0.15);
       each([&](ImpactPoint<S>& row, auto& point, auto& first, auto& second) {
         const MaskOf<S> active = row.active & working;
         worst = maximum(worst, friction ? point.relax(row.target, friction_, active, first, second, rate)
                                         : point.relax_normal(row.target, active, first, second));
       });
       working = working & (worst > enough);
+      if (k % patience == 0) {
+        // Points that chase one another with their friction agree sooner when they go slower.
+        rate = select(worst < as<S>(0.8) * mark, rate, S(S(0.5) * rate));
+        working = working & (rate > as<S>(0.1));
+        mark = worst;
+      }
     }
   }
 
  private:
+  /// Starts from the impulses that Newton's method finds.
+  void start(const S& friction, const MaskOf<S>& where, const S& enough) {
+    std::size_t some = 0;
+    while (!any(info_[some].value.active)) ++some;
+    PairNewton<S, Fixed, P> newton(points_[some].value.frame(), first_, second_);
+    each([&](const ImpactPoint<S>& row, const auto& point, auto&, auto&) {
+      newton.add(point, row.target, row.active & where);
+    });
+    newton.solve(friction, enough);
+    std::size_t i = 0;
+    each([&](auto&, auto& point, auto& first, auto& second) {
+      newton.apply(i++, friction, point, first, second);
+    });
+  }
+
   const Manifold<S, P, Central>& manifold_;
   Motion<S>& first_;
   Motion<S>& second_;

@@ -84,7 +84,7 @@ class Impacts {
       });
     }
     void solve(bool friction, const MaskOf<S>& where) {
-      rows.solve(motion, where, false, tolerance);
+      if (!friction || !rows.one_pair()) rows.solve(motion, where, false, tolerance);
       if (friction) rows.solve(motion, where, true, tolerance);
     }
   };

@@ -71,7 +71,7 @@ class ContactPoint {
 
   /// `first` is not read where it is a plane.
   ContactPoint(const Vec3<S>& normal, const Vec3<S>& point, const Motion<S>& first, const Motion<S>& second)
-      : direction_(frame(normal)), second_(lever(point, second)) {
+      : direction_(directions(normal)), second_(lever(point, second)) {
     if constexpr (!Fixed) first_ = lever(point, first);
     normal_response_ = response(0, 0, first, second);
     normal_mass_ = inverse(normal_response_);
@@ -133,12 +133,13 @@ class ContactPoint {
     const S share = select(beyond, S(most * inverse_root(select(beyond, length2, S(1)))), S(1));
     const S pu = select(active, select(slides, S(share * slip_u), stick_u), impulse_[1]);
     const S pv = select(active, select(slides, S(share * slip_v), stick_v), impulse_[2]);
-    const S change_u = rate * (pu - impulse_[1]), change_v = rate * (pv - impulse_[2]);
+    const S off_u = pu - impulse_[1], off_v = pv - impulse_[2];
+    const S change_u = rate * off_u, change_v = rate * off_v;
     push(1, change_u, first, second);
     push(2, change_v, first, second);
     impulse_[1] += change_u;
     impulse_[2] += change_v;
-    return maximum(off, S(tangent_response_ * (abs(change_u) + abs(change_v))));
+    return maximum(off, S(tangent_response_ * (abs(off_u) + abs(off_v))));
   }
 
   /// Adds an impulse that is guessed (N s).
@@ -150,6 +151,8 @@ class ContactPoint {
   }
   /// The unit vector of direction d, world frame.
   const Vec3<S>& direction(std::size_t d) const { return direction_[d]; }
+  /// The normal and the two tangents, world frame.
+  Mat3<S> frame() const { return {direction_[0], direction_[1], direction_[2]}; }
   /// r x direction(d) of either body, m.
   Vec3<S> first_arm(std::size_t d) const requires(!Fixed) { return first_.arm[d]; }
   const Vec3<S>& second_arm(std::size_t d) const { return second_.arm[d]; }
@@ -173,7 +176,7 @@ class ContactPoint {
             {body.inverse_inertia * n, body.inverse_inertia * u, body.inverse_inertia * v}};
   }
   /// The normal and two tangents, without a branch on the normal's direction (Duff et al. 2017).
-  static std::array<Vec3<S>, 3> frame(const Vec3<S>& normal) {
+  static std::array<Vec3<S>, 3> directions(const Vec3<S>& normal) {
     const S sign = select(normal.z < S(0), S(-1), S(1));
     const S a = -inverse(S(sign + normal.z)), b = normal.x * normal.y * a;
     return {in_registers(normal),
