@@ -20,7 +20,8 @@ if(TARGET nlohmann_json::nlohmann_json)
   add_dependencies(test_io_checkpoint io_checkpoint_child)
 
   rbres_program(io_export_writer io_export_writer.cpp LIBRARIES rbres::io)
-  set(exported exported_float.hpp exported_double.hpp exported_law.hpp exported_hybrid.hpp)
+  set(exported exported_float.hpp exported_double.hpp exported_law.hpp exported_hybrid.hpp
+      exported_predictor.hpp)
   list(TRANSFORM exported PREPEND ${CMAKE_CURRENT_BINARY_DIR}/)
   add_custom_command(OUTPUT ${exported} COMMAND io_export_writer ${exported} DEPENDS io_export_writer)
   rbres_test(io_export_header)

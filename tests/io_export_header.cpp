@@ -9,6 +9,7 @@
 #include "exported_float.hpp"
 #include "exported_hybrid.hpp"
 #include "exported_law.hpp"
+#include "exported_predictor.hpp"
 #include "io_export_models.hpp"
 
 namespace {
@@ -54,6 +55,24 @@ TEST_CASE("an exported network gives the same bits") {
   check_same_bits(exported_f::network(), exported_float());
   check_same_bits(exported_d::network(), exported_double());
   static_assert(exported_f::weights[0] != 0);
+}
+
+TEST_CASE("an exported predictor gives the same bits") {
+  const auto exported = exported_p::predictor(), original = exported_predictor();
+  CHECK(exported.flow.system[2].is_kinematic());
+  rbres::Random random(15);
+  for (int i = 0; i < 20; ++i) {
+    exported_p::Predictor::State y;
+    exported_p::Predictor::Wrenches w;
+    for (int b = 0; b < 3; ++b) {
+      y[b].position = {random.normal(), random.normal(), random.normal()};
+      y[b].velocity = {random.normal(), random.normal(), random.normal()};
+      y[b].angular_velocity = {random.normal(), random.normal(), random.normal()};
+      w[static_cast<std::size_t>(b)].force = {random.normal(), 0, 1};
+    }
+    CHECK(exported.predict(y, w) == original.predict(y, w));
+    CHECK(!(original.predict(y, w) == original.flow(y, w, original.horizon)));
+  }
 }
 
 TEST_CASE("an exported contact law gives the same bits") {

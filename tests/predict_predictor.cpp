@@ -1,6 +1,6 @@
 #include <doctest/doctest.h>
 
-#include <rbres/eval/training_set.hpp>
+#include <rbres/eval/train_predictor.hpp>
 
 #include "../examples/common/count_allocations.hpp"
 #include "predict_states.hpp"
@@ -114,6 +114,45 @@ TEST_CASE("a rollout is prediction after prediction") {
   for (const State& state : states) CHECK(state == (y = p.predict(y, w, 4)));
 }
 
+TEST_CASE("many predictions at once are those one by one, and allocate nothing") {
+  constexpr std::size_t n = 21;  // no whole number of registers
+  Small::Batch batch(n);
+  for (const Target target : {Target::state, Target::residual}) {
+    for (const int present : {5, 3}) {
+      const Small p = predictor(target);
+      std::vector<State> states, next(n);
+      std::vector<Small::Wrenches> wrenches;
+      for (std::size_t i = 0; i < n; ++i) {
+        states.push_back(random_state<State>(i));
+        wrenches.push_back(random_wrenches());
+        wrenches.back()[1].force.x = 0.1 * static_cast<double>(i);
+      }
+      const auto check = [&](std::size_t i, const State& from) {
+        const State expected = p.predict(from, wrenches[i], present);
+        CHECK((next[i].vector() - expected.vector()).norm() < 1e-5);
+        for (int b = present; b < 5; ++b) CHECK(next[i][b] == from[b]);
+      };
+      const long before = allocations;
+      p.predict(states, wrenches, next, batch, present);
+      CHECK(allocations == before);
+      for (std::size_t i = 0; i < n; ++i) check(i, states[i]);
+      p.predict(states[0], wrenches, next, batch, present);
+      for (std::size_t i = 0; i < n; ++i) check(i, states[0]);
+      next = states;  // in place
+      p.predict(next, wrenches, next, batch, present);
+      for (std::size_t i = 0; i < n; ++i) check(i, states[i]);
+      p.predict(std::span(states).first(0), std::span(wrenches).first(0), std::span(next).first(0), batch);
+    }
+  }
+  const Small p = predictor(Target::residual);
+  std::vector<State> states(22), next(22);
+  std::vector<Small::Wrenches> wrenches(22);
+  CHECK_THROWS_AS(p.predict(states, wrenches, next, batch), Error);
+  CHECK_THROWS_AS(p.predict(std::span(states).first(3), wrenches, std::span(next).first(4), batch), Error);
+  CHECK_THROWS_AS(p.predict(states[0], std::span(wrenches).first(3), std::span(next).first(4), batch), Error);
+  CHECK_THROWS_AS(Small::Batch(0), Error);
+}
+
 namespace {
 
 /// Made-up columns of 3 to 5 bodies.
@@ -198,6 +237,78 @@ TEST_CASE("samples are encoded, normalised, and without weight where a body is a
                          doctest::Contains("scenario 1: state: number 3: expected a finite one"), Error);
     TrainingSet<Small>(p, broken, 1, 4, 12);
   }
+}
+
+TEST_CASE("transitions of one's own world train a predictor") {
+  const Material<double> rubber{.restitution = 0.9, .friction = 0.2};
+  const System<double, 2, Sphere<double>> world{
+      {Body{Sphere{0.1}, 1.0, rubber}, Body{Sphere{0.2}, 3.0, rubber}}, {floor_plane(rubber)}};
+  const auto start = [](std::ptrdiff_t i) {
+    Random random(3, static_cast<std::uint64_t>(i));
+    Start<2> s;
+    s.state[0].position = {random.uniform(-0.2, 0.2), 0, random.uniform(0.1, 0.12)};
+    s.state[0].velocity.z = random.uniform(-3, -1);
+    s.state[1].position = {1, 0, random.uniform(0.2, 0.3)};
+    s.state[0].orientation = {0, 0, 0, 2};  // made unit
+    s.wrench[1].force.x = random.uniform(-3, 3);
+    return s;
+  };
+  const SimulationOptions options{.step = 4e-3, .duration = 0.1};
+  const auto data = simulate_transitions(world, Gravity{}, Rk4{}, 700, start, options, 1);
+  CHECK(data.horizon == 0.1);
+  CHECK(simulate_transitions(world, Gravity{}, Rk4{}, 700, start, options, 3).ends == data.ends);
+  for (std::size_t i = 0; i < 700; i += 50) {
+    auto y = data.starts[i].state;
+    CHECK(y[0].orientation.w == 1);
+    simulate(world, y, Forces{Gravity{}, ConstantWrench<double, 2>{data.starts[i].wrench}}, Rk4{}, options);
+    CHECK((y.vector() - data.ends[i].vector()).norm() < 1e-9);
+  }
+
+  using Net = Network<float, Sequential<Linear<38, 24>, Relu, Linear<24, 26>>>;
+  Predictor<Net, 2> p{Net(1), {}, {}, {world, Gravity{}, {.density = 0}}};
+  const auto error = [&](const auto& predict) {
+    double sum = 0;
+    for (std::size_t i = 0; i < 70; ++i)  // those that do not train
+      sum += squared_norm(predict(data.starts[i]).body[0].position - data.ends[i][0].position);
+    return sum;
+  };
+  const double flow = error([&](const auto& s) { return p.flow(s.state, s.wrench, 0.1); });
+  const auto progress = train_predictor(p, data, {.epochs = 60, .batch_size = 16, .l2 = 0});
+  CHECK(progress.epoch == 60);
+  CHECK(p.horizon == 0.1);
+  CHECK(error([&](const auto& s) { return p.predict(s.state, s.wrench); }) < 0.05 * flow);
+
+  auto short_of_ends = data;
+  short_of_ends.ends.pop_back();
+  CHECK_THROWS_WITH_AS(train_predictor(p, short_of_ends),
+                       "ends of transitions: expected 700, as many as starts, found 699", Error);
+  CHECK_THROWS_AS(train_predictor(p, {0.1, {9, data.starts[0]}, {9, data.ends[0]}}), Error);
+  CHECK_THROWS_AS(train_predictor(p, {0, data.starts, data.ends}), Error);
+  CHECK_THROWS_AS(simulate_transitions(world, Gravity{}, Rk4{}, 0, start, options), Error);
+  const Gravity<double> endless{{0, 0, 1e308}};
+  CHECK_THROWS_WITH_AS(simulate_transitions(world, endless, Rk4{}, 3, start, options),
+                       doctest::Contains("expected finite numbers"), Error);
+}
+
+TEST_CASE("the contact-free flow of many is that of each") {
+  const auto f = flow();
+  std::vector<State> states;
+  for (std::size_t i = 0; i < 11; ++i) states.push_back(random_state<State>(i));
+  const auto w = random_wrenches();
+  for (const double duration : {0.0, 0.31}) {
+    int calls = 0;
+    f.each(
+        11, [&](std::ptrdiff_t i) { return states[static_cast<std::size_t>(i)]; },
+        [&](std::ptrdiff_t) { return w; }, duration,
+        [&](std::ptrdiff_t i, const State& y) {
+          CHECK(i == calls++);
+          CHECK((y.vector() - f(states[static_cast<std::size_t>(i)], w, duration).vector()).norm() < 1e-12);
+        });
+    CHECK(calls == 11);
+  }
+  f.each(
+      1, [&](std::ptrdiff_t) { return states[0]; }, [&](std::ptrdiff_t) { return w; }, -1,
+      [&](std::ptrdiff_t, const State& y) { CHECK(y.vector().hasNaN()); });
 }
 
 TEST_CASE("the contact-free flow ends for any horizon") {

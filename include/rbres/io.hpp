@@ -22,6 +22,7 @@
 #include <rbres/io/digest.hpp>
 #include <rbres/io/export_contact_law.hpp>
 #include <rbres/io/export_header.hpp>
+#include <rbres/io/export_predictor.hpp>
 #include <rbres/io/folder_lock.hpp>
 #include <rbres/io/gltf.hpp>
 #include <rbres/io/model.hpp>

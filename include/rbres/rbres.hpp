@@ -17,6 +17,7 @@
 #include <rbres/eval/baselines.hpp>
 #include <rbres/eval/metrics.hpp>
 #include <rbres/eval/timing.hpp>
+#include <rbres/eval/train_predictor.hpp>
 #include <rbres/eval/training_set.hpp>
 #include <rbres/learn/learn.hpp>
 #include <rbres/nn/nn.hpp>
@@ -26,4 +27,5 @@
 #include <rbres/sim/dataset.hpp>
 #include <rbres/sim/scenario.hpp>
 #include <rbres/sim/simulate.hpp>
+#include <rbres/sim/transitions.hpp>
 #include <rbres/version.hpp>

@@ -113,6 +113,11 @@ class System {
         without_contact_(detail::checked_pairs(std::move(without_contact), N, std::ssize(planes_))) {
     for (const BodyType& body : bodies_) any_kinematic_ = any_kinematic_ || body.is_kinematic();
   }
+  /// A system of one shape where any shape may stand.
+  template <class Other>
+  requires(!std::is_same_v<Other, Shape_> && std::is_constructible_v<BodyType, const Body<S, Other>&>)
+      System(const System<S, N, Other>& other)
+      : System(other, std::make_index_sequence<N>{}) {}
   /// N times the same body.
   static System of(const BodyType& every, std::vector<Plane<S>> planes = {}) {
     return System(repeat(every, std::make_index_sequence<N>{}), std::move(planes));
@@ -143,6 +148,9 @@ class System {
   static std::array<BodyType, N> repeat(const BodyType& every, std::index_sequence<I...>) {
     return {((void)I, every)...};
   }
+  template <class Other, std::size_t... I>
+  System(const System<S, N, Other>& other, std::index_sequence<I...>)
+      : System({BodyType(other[int(I)])...}, other.planes(), other.without_contact()) {}
   template <class T, std::size_t... I>
   auto cast_bodies(std::vector<Plane<T>> planes, std::index_sequence<I...>) const {
     using Other = System<T, N, typename detail::CastShape<Shape, T>::type>;

@@ -96,6 +96,16 @@ struct ConstantWrench {
   }
 };
 
+/// Gives lane l of `packed` the wrenches of a scenario.
+template <class S, int N, class Wrenches>
+void set_lane(ConstantWrench<S, N>& packed, int l, const Wrenches& wrench) {
+  for (std::size_t b = 0; b < N; ++b) {
+    const auto* from = &wrench[b].force.x;
+    S* to = &packed.wrench[b].force.x;
+    for (int k = 0; k < Wrench<S>::size; ++k) ScalarTraits<S>::set_lane(to[k], l, from[k]);
+  }
+}
+
 /// The sum of several force models.
 template <class... Models>
 struct Forces {

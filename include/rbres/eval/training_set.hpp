@@ -25,11 +25,38 @@ std::array<Wrench<double>, ScenarioData::bodies> wrench_of(const Data& data, Eig
 /// Whether a predictor's normalisers are fitted to the data, or stay those that its network was trained with.
 enum class Normalization { fit, keep };
 
+namespace detail {
+
+/// What a TrainingSet reads: scenarios of the paper's experiment up to one of their horizons, of which only
+/// the first present(c) bodies are there.
+struct ScenarioSource {
+  const ScenarioData* data;
+  std::size_t h;
+
+  int present(Eigen::Index c) const { return data->body_count[static_cast<std::size_t>(c)]; }
+  auto start(Eigen::Index c) const { return state_of(data->initial, c, present(c)); }
+  auto wrench(Eigen::Index c) const { return wrench_of(*data, c); }
+  auto end(Eigen::Index c) const { return state_of(data->states[h], c, present(c)); }
+};
+/// The same of transitions of any world.
+template <int N>
+struct TransitionSource {
+  const Transitions<N>* data;
+
+  int present(Eigen::Index) const { return N; }
+  const auto& start(Eigen::Index c) const { return data->starts[static_cast<std::size_t>(c)].state; }
+  const auto& wrench(Eigen::Index c) const { return data->starts[static_cast<std::size_t>(c)].wrench; }
+  const auto& end(Eigen::Index c) const { return data->ends[static_cast<std::size_t>(c)]; }
+};
+
+}  // namespace detail
+
 /// Columns to train a predictor of one horizon on, and the predictor's normalisation, fitted to the training
 /// columns only.
 template <class Predictor>
 class TrainingSet {
   using T = typename Predictor::Scalar;
+  using Code = typename Predictor::Code;
   using Columns = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
 
  public:
@@ -41,37 +68,22 @@ class TrainingSet {
               Eigen::Index n, int threads = 0, Normalization normalization = Normalization::fit) {
     if (h >= data.horizons.size())
       detail::refuse("horizon number", detail::text("less than ", data.horizons.size()), h);
-    if (n < 1 || n > data.count()) detail::refuse("scenarios", detail::text("1 to ", data.count()), n);
-    if (first_train < 0 || first_train >= n) {
-      detail::refuse("first training scenario", detail::text("0 to ", n - 1), first_train);
-    }
+    check(data.count(), first_train, n);
     predictor.horizon = data.horizons[h];
-    using Code = typename Predictor::Code;
-    inputs_.resize(Code::inputs, n);
-    targets_.resize(Code::outputs, n);
-    weights_.resize(Code::outputs, n);
-    const auto present = [&](Eigen::Index c) {
-      return static_cast<int>(data.body_count[static_cast<std::size_t>(c)]);
-    };
-    expect_sane("initial state", data.initial.leftCols(n), data.body_count, 13);
-    expect_sane("wrench", data.wrench.leftCols(n), data.body_count, 6);
-    expect_sane("state", data.states[h].leftCols(n), data.body_count, 13);
-    each_block(n, threads, [&](Eigen::Index c) {
-      const auto state = state_of(data.initial, c, present(c));
-      const auto wrench = wrench_of(data, c);
-      const auto truth = state_of(data.states[h], c, present(c));
-      inputs_.col(c) = Code::encode(state, wrench, present(c)).template cast<T>();
-      targets_.col(c) = predictor.wanted(state, wrench, truth, present(c)).template cast<T>();
-      weights_.col(c).setZero();
-      weights_.col(c).head(13 * present(c)).setOnes();
-    });
-    if (normalization == Normalization::fit) fit(predictor, first_train, n, present);
-    each_block(n, threads, [&](Eigen::Index c) {
-      const auto state = state_of(data.initial, c, present(c));
-      inputs_.col(c) = predictor.encode(state, wrench_of(data, c), present(c));
-      targets_.col(c) = predictor.output.normalize(targets_.col(c));
-      targets_.col(c).tail(Code::outputs - 13 * present(c)).setZero();
-    });
+    encode(predictor, detail::ScenarioSource{&data, h}, first_train, n, threads, normalization);
+  }
+  /// The same for transitions of any world.
+  TrainingSet(Predictor& predictor, const Transitions<Predictor::bodies>& data, Eigen::Index first_train,
+              Eigen::Index n, int threads = 0, Normalization normalization = Normalization::fit) {
+    if (data.ends.size() != data.starts.size())
+      detail::refuse("ends of transitions", detail::text(data.starts.size(), ", as many as starts"),
+                     data.ends.size());
+    if (!(data.horizon > 0) || !is_finite(data.horizon))
+      detail::refuse("horizon of transitions", "a positive time in s", data.horizon);
+    check(std::ssize(data.starts), first_train, n);
+    predictor.horizon = data.horizon;
+    encode(predictor, detail::TransitionSource<Predictor::bodies>{&data}, first_train, n, threads,
+           normalization);
   }
 
   /// Scenarios first ... first + count - 1. The views hold while this set lives.
@@ -83,25 +95,54 @@ class TrainingSet {
   }
 
  private:
-  template <class Present>
-  void fit(Predictor& predictor, Eigen::Index first_train, Eigen::Index n, const Present& present) {
-    using Code = typename Predictor::Code;
-    predictor.input = Normalizer<T, Code::inputs>::fit(
-        inputs_.rightCols(n - first_train),
-        [&](Eigen::Index r, Eigen::Index c) { return r < 19 * present(first_train + c); });
-    predictor.output = Normalizer<T, Code::outputs>::fit(
-        targets_.rightCols(n - first_train),
-        [&](Eigen::Index r, Eigen::Index c) { return r < 13 * present(first_train + c); });
+  static void check(Eigen::Index count, Eigen::Index first_train, Eigen::Index n) {
+    if (n < 1 || n > count) detail::refuse("scenarios", detail::text("1 to ", count), n);
+    if (first_train < 0 || first_train >= n)
+      detail::refuse("first training scenario", detail::text("0 to ", n - 1), first_train);
   }
 
-  /// Of the present bodies, each with `size` numbers.
-  template <class Numbers, class Counts>
-  static void expect_sane(const char* what, const Numbers& numbers, const Counts& bodies, Eigen::Index size) {
-    for (Eigen::Index c = 0; c < numbers.cols(); ++c)
-      for (Eigen::Index r = 0; r < size * bodies[static_cast<std::size_t>(c)]; ++r)
-        if (!(std::abs(numbers(r, c)) <= 1e9))
-          detail::refuse(detail::text("TrainingSet: scenario ", c, ": ", what, ": number ", r),
-                         "a finite one of at most 1e9", numbers(r, c));
+  template <class Source>
+  void encode(Predictor& predictor, const Source& source, Eigen::Index first_train, Eigen::Index n,
+              int threads, Normalization normalization) {
+    inputs_.resize(Code::inputs, n);
+    targets_.resize(Code::outputs, n);
+    weights_.resize(Code::outputs, n);
+    for (Eigen::Index c = 0; c < n; ++c) {
+      const int present = source.present(c);
+      const auto& wrench = source.wrench(c);
+      expect_sane("initial state", c, &source.start(c)[0].position.x, 13 * present);
+      expect_sane("wrench", c, &wrench[0].force.x, 6 * present);
+      expect_sane("state", c, &source.end(c)[0].position.x, 13 * present);
+    }
+    each_block(n, threads, [&](Eigen::Index c) {
+      const int present = source.present(c);
+      inputs_.col(c) = Code::encode(source.start(c), source.wrench(c), present).template cast<T>();
+      targets_.col(c) =
+          predictor.wanted(source.start(c), source.wrench(c), source.end(c), present).template cast<T>();
+      weights_.col(c).setZero();
+      weights_.col(c).head(13 * present).setOnes();
+    });
+    if (normalization == Normalization::fit) {
+      predictor.input = Normalizer<T, Code::inputs>::fit(
+          inputs_.rightCols(n - first_train),
+          [&](Eigen::Index r, Eigen::Index c) { return r < 19 * source.present(first_train + c); });
+      predictor.output = Normalizer<T, Code::outputs>::fit(
+          targets_.rightCols(n - first_train),
+          [&](Eigen::Index r, Eigen::Index c) { return r < 13 * source.present(first_train + c); });
+    }
+    each_block(n, threads, [&](Eigen::Index c) {
+      const int present = source.present(c);
+      inputs_.col(c) = predictor.encode(source.start(c), source.wrench(c), present);
+      targets_.col(c) = predictor.output.normalize(targets_.col(c));
+      targets_.col(c).tail(Code::outputs - 13 * present).setZero();
+    });
+  }
+
+  static void expect_sane(const char* what, Eigen::Index scenario, const double* numbers, int count) {
+    for (int r = 0; r < count; ++r)
+      if (!(std::abs(numbers[r]) <= 1e9))
+        detail::refuse(detail::text("TrainingSet: scenario ", scenario, ": ", what, ": number ", r),
+                       "a finite one of at most 1e9", numbers[r]);
   }
 
   template <class F>

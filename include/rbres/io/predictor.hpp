@@ -10,9 +10,9 @@ namespace rbres {
 /// normalisation
 /// ("input_mean", "input_deviation", "output_mean", "output_deviation"), what the network says ("target"),
 /// the "horizon" (s), and the contact-free flow ("flow_bodies": for each body its shape as 0 ball, 1 box, 2
-/// capsule, three lengths (m), mass (kg), three principal moments (kg m^2); "flow_forces": gravity (m/s^2),
-/// then density, drag and rotational drag of the fluid, then both damping rates). PyTorch still loads the
-/// network. Shapes must stand along the principal axes.
+/// capsule, three lengths (m), mass (kg), three principal moments (kg m^2), zeros for a kinematic one;
+/// "flow_forces": gravity (m/s^2), then density, drag and rotational drag of the fluid, then both damping
+/// rates). PyTorch still loads the network. Shapes must stand along the principal axes.
 template <class Net, int N>
 struct ModelFormat<Predictor<Net, N>> {
   using Model = Predictor<Net, N>;
@@ -87,10 +87,13 @@ struct ModelFormat<Predictor<Net, N>> {
     return {capsule.radius, capsule.half_length, 0};
   }
   static Body<double> body(const SafetensorsReader& file, const Eigen::Matrix<double, 8, 1>& n) {
-    const Vec3<double> moments{n[5], n[6], n[7]};
-    if (n[0] == 0) return {Sphere<double>{n[1]}, n[4], moments};
-    if (n[0] == 1) return {Box<double>{n[1], n[2], n[3]}, n[4], moments};
-    if (n[0] == 2) return {Capsule<double>{n[1], n[2]}, n[4], moments};
+    const auto of = [&](const AnyShape<double>& shape) -> Body<double> {
+      if (n.tail<4>().isZero(0)) return Body<double>::kinematic(shape);
+      return {shape, n[4], Vec3<double>{n[5], n[6], n[7]}};
+    };
+    if (n[0] == 0) return of(Sphere<double>{n[1]});
+    if (n[0] == 1) return of(Box<double>{n[1], n[2], n[3]});
+    if (n[0] == 2) return of(Capsule<double>{n[1], n[2]});
     detail::refuse(file.path().string() + ": flow_bodies: shape", "0, 1 or 2", n[0]);
   }
   static const std::string& entry(const SafetensorsReader& file, const char* key) {

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <limits>
+#include <rbres/core/pack.hpp>
 #include <rbres/dynamics/forces.hpp>
 #include <rbres/dynamics/free_flight.hpp>
 #include <rbres/dynamics/integrators.hpp>
@@ -27,15 +29,53 @@ struct FreeFlow {
   /// The states after `duration` (s, at most `longest`); NaN for any other duration.
   SystemState<double, N> operator()(SystemState<double, N> y, const std::array<Wrench<double>, N>& wrench,
                                     double duration) const noexcept {
-    const Forces forces{gravity, friction, damping, ConstantWrench<double, N>{wrench}};
+    follow(system, forces(ConstantWrench<double, N>{wrench}), y, duration);
+    return y;
+  }
+
+  /// The same for `count` starts, several in the lanes of a register: calls next(i, state) with the state
+  /// after start(i) under wrench(i). Agrees with the above but for rounding.
+  template <class Start, class WrenchOf, class Next>
+  void each(std::ptrdiff_t count, const Start& start, const WrenchOf& wrench, double duration,
+            const Next& next) const noexcept {
+    constexpr int L = std::max(native_lanes<double>, 2);
+    using S = Pack<double, L>;
+    const auto lanes = [&]<std::size_t... I>(std::index_sequence<I...>) {
+      return rbres::System<S, N>({system[I].template cast<S>()...});
+    }
+    (std::make_index_sequence<N>{});
+    for (std::ptrdiff_t first = 0; first < count; first += L) {
+      SystemState<S, N> y;
+      ConstantWrench<S, N> own;
+      for (int l = 0; l < L; ++l) {
+        const std::ptrdiff_t i = std::min(first + l, count - 1);
+        set_lane(y, l, start(i));
+        set_lane(own, l, wrench(i));
+      }
+      follow(lanes, forces(own), y, duration);
+      for (int l = 0; l < L && first + l < count; ++l) next(first + l, lane(y, l));
+    }
+  }
+
+ private:
+  template <class S>
+  auto forces(const ConstantWrench<S, N>& own) const noexcept {
+    return Forces{gravity, friction, damping, own};
+  }
+  template <class AnySystem, class Model>
+  static void follow(const AnySystem& system, const Model& forces, typename AnySystem::State& y,
+                     double duration) noexcept {
+    using S = typename AnySystem::Scalar;
     if (!(duration >= 0 && duration <= longest)) {
-      for (auto& body : y.body) body.vector().setConstant(std::numeric_limits<double>::quiet_NaN());
-      return y;
+      for (auto& body : y.body) {
+        S* number = &body.position.x;
+        std::fill_n(number, RigidState<S>::size, S(std::numeric_limits<double>::quiet_NaN()));
+      }
+      return;
     }
     const long steps = std::max(1L, std::lround(std::ceil(duration / step - 1e-9)));
     const double h = duration / static_cast<double>(steps);
-    for (long k = 0; k < steps; ++k) y = fly(system, forces, Rk4{}, y, static_cast<double>(k) * h, h);
-    return y;
+    for (long k = 0; k < steps; ++k) fly_on(system, forces, Rk4{}, y, S(static_cast<double>(k) * h), S(h));
   }
 };
 

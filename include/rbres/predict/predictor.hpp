@@ -3,6 +3,7 @@
 #include <rbres/nn/residual_network.hpp>
 #include <rbres/predict/encoding.hpp>
 #include <rbres/predict/free_flow.hpp>
+#include <span>
 
 namespace rbres {
 
@@ -39,6 +40,40 @@ class Predictor {
     return decode(state, wrench, network.forward(encode(state, wrench, present)), present);
   }
 
+  /// Room for predict() of many.
+  class Batch {
+   public:
+    /// Throws Error for fewer than one.
+    explicit Batch(Eigen::Index most) {
+      if (most < 1) detail::refuse("predictions of a batch", "at least 1", most);
+      inputs_.resize(Net::input_size, most);
+      outputs_.resize(Net::output_size, most);
+    }
+
+   private:
+    friend Predictor;
+    typename Net::Columns inputs_, outputs_;
+    typename Net::Workspace workspace_;
+  };
+
+  /// Many at once, which costs less than one by one: next[i] is the state `horizon` after states[i] under
+  /// wrenches[i]. Agrees with the above but for rounding; allocates nothing. Throws Error, before anything is
+  /// done, where the spans are not of one size or the batch has less room.
+  void predict(std::span<const State> states, std::span<const Wrenches> wrenches, std::span<State> next,
+               Batch& batch, int present = N) const {
+    if (states.size() != next.size())
+      detail::refuse("states to predict from", detail::text(next.size()), states.size());
+    predict_each(
+        [&](std::ptrdiff_t i) -> auto& { return states[static_cast<std::size_t>(i)]; }, wrenches, next, batch,
+        present);
+  }
+  /// The same from one state: what each of several wrenches would lead to.
+  void predict(const State& state, std::span<const Wrenches> wrenches, std::span<State> next, Batch& batch,
+               int present = N) const {
+    predict_each(
+        [&](std::ptrdiff_t) -> auto& { return state; }, wrenches, next, batch, present);
+  }
+
   /// Predictions of predictions: fills `states` with the states 1, 2, ... horizons later.
   template <class States>
   void rollout(State state, const Wrenches& wrench, States& states, int present = N) const noexcept {
@@ -55,11 +90,7 @@ class Predictor {
   /// The state that the network's normalised output `y` means for this start.
   State decode(const State& state, const Wrenches& wrench, const typename Net::Output& y,
                int present) const noexcept {
-    State next =
-        Code::sum(base(state, wrench),
-                  typename Code::template Output<double>(output.restore(y).template cast<double>()), present);
-    for (int b = present; b < N; ++b) next[b] = state[b];
-    return next;
+    return corrected(state, base(state, wrench), y, present);
   }
 
   /// What the network's output is added to.
@@ -82,6 +113,37 @@ class Predictor {
       }
     }
     return Code::difference(truth, base(state, wrench), present);
+  }
+
+ private:
+  State corrected(const State& state, const State& base, const typename Net::Output& y,
+                  int present) const noexcept {
+    State next = Code::sum(
+        base, typename Code::template Output<double>(output.restore(y).template cast<double>()), present);
+    for (int b = present; b < N; ++b) next[b] = state[b];
+    return next;
+  }
+
+  template <class StateOf>
+  void predict_each(const StateOf& state, std::span<const Wrenches> wrenches, std::span<State> next,
+                    Batch& batch, int present) const {
+    const std::ptrdiff_t count = std::ssize(next);
+    if (std::ssize(wrenches) != count)
+      detail::refuse("wrenches to predict under", detail::text(count), wrenches.size());
+    if (count > batch.inputs_.cols())
+      detail::refuse("predictions", detail::text("at most the batch's ", batch.inputs_.cols()), count);
+    if (count == 0) return;
+    const auto wrench = [&](std::ptrdiff_t i) -> auto& { return wrenches[static_cast<std::size_t>(i)]; };
+    for (std::ptrdiff_t i = 0; i < count; ++i) batch.inputs_.col(i) = encode(state(i), wrench(i), present);
+    network.forward(batch.inputs_.leftCols(count), batch.outputs_.leftCols(count), batch.workspace_);
+    const auto correct = [&](std::ptrdiff_t i, const State& base) {
+      next[static_cast<std::size_t>(i)] = corrected(state(i), base, batch.outputs_.col(i), present);
+    };
+    if (target == Target::residual) {
+      flow.each(count, state, wrench, horizon, correct);
+    } else {
+      for (std::ptrdiff_t i = 0; i < count; ++i) correct(i, base(state(i), wrench(i)));
+    }
   }
 };
 

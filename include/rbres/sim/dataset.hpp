@@ -4,6 +4,7 @@
 #include <limits>
 #include <rbres/sim/batch.hpp>
 #include <rbres/sim/scenario.hpp>
+#include <rbres/sim/transitions.hpp>
 #include <span>
 
 namespace rbres {
@@ -35,21 +36,6 @@ struct TruthOptions {
 };
 
 namespace detail {
-
-/// The wrenches of the scenarios in the lanes of S.
-template <class S, int N, class Index, class At>
-ConstantWrench<S, N> lane_wrenches(const Index& lanes, const At& scenario_at) {
-  ConstantWrench<S, N> packed;
-  for (int l = 0; l < ScalarTraits<S>::lanes; ++l) {
-    const Scenario& s = scenario_at(lanes[static_cast<std::size_t>(l)]);
-    for (std::size_t b = 0; b < N; ++b) {
-      const double* from = &s.wrench[b].force.x;
-      S* to = &packed.wrench[b].force.x;
-      for (int k = 0; k < Wrench<S>::size; ++k) ScalarTraits<S>::set_lane(to[k], l, from[k]);
-    }
-  }
-  return packed;
-}
 
 /// How many scenarios truth is made of at a time, in lanes: it decides the last bits.
 inline constexpr int truth_lanes = std::max(native_lanes<double>, 2);

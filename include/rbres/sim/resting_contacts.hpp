@@ -195,10 +195,10 @@ class RestingContacts {
                                const S& rate, Forces& contact) {
     Vec3<S> force;
     for (std::size_t d = 0; d < 3; ++d) force += (rate * row.impulse()[d]) * point.direction(d);
-    const auto first = index(row.who.first), second = index(row.who.second);
+    const auto first = index(row.moved.first), second = index(row.moved.second);
     const S &a = end[first].inverse_mass, &b = end[second].inverse_mass;
     const auto along = [&](const Vec3<S>& v, const Vec3<S>& w) { return (S(1) / (a + b)) * (a * v + b * w); };
-    const Vec3<S> from = along(y[row.who.first].velocity, y[row.who.second].velocity);
+    const Vec3<S> from = along(y[row.moved.first].velocity, y[row.moved.second].velocity);
     const Vec3<S> to = along(end[first].velocity, end[second].velocity);
     const Vec3<S> drift = cross(from, force), bend = as<S>(0.5) * rate * cross(to - from, force);
     contact[second].paired += force;

@@ -1,0 +1,81 @@
+#pragma once
+
+#include <rbres/sim/batch.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <vector>
+
+namespace rbres {
+
+/// Where N bodies start, and the wrench on each (force in world frame, N; torque in body frame, N m) that
+/// stays the same from there on.
+template <int N>
+struct Start {
+  SystemState<double, N> state;
+  std::array<Wrench<double>, N> wrench{};
+};
+
+/// Starts of a world of N bodies, and where they have led one horizon later: what a Predictor is trained on.
+template <int N>
+struct Transitions {
+  double horizon = 0;  ///< s
+  std::vector<Start<N>> starts;
+  std::vector<SystemState<double, N>> ends;  ///< as many as starts
+};
+
+namespace detail {
+
+/// The wrenches of at(i) for the scenarios i in the lanes of S.
+template <class S, int N, class Index, class At>
+ConstantWrench<S, N> lane_wrenches(const Index& lanes, const At& at) {
+  ConstantWrench<S, N> packed;
+  for (int l = 0; l < ScalarTraits<S>::lanes; ++l)
+    set_lane(packed, l, at(lanes[static_cast<std::size_t>(l)]).wrench);
+  return packed;
+}
+
+}  // namespace detail
+
+/// Simulates the user's own world from start(0) ... start(count - 1), Start<N>s, over options.duration (s),
+/// under `forces` and each start's own wrenches, in lanes and over `threads` threads (0: default_threads();
+/// no bit depends on them). Orientations are made unit. Throws Error for what simulate_batch refuses, and
+/// where a number does not stay finite.
+template <int N, class Shape, class Model, class Integrator, class MakeStart>
+Transitions<N> simulate_transitions(const System<double, N, Shape>& system, const Model& forces,
+                                    const Integrator& integrator, std::ptrdiff_t count,
+                                    const MakeStart& start, const SimulationOptions& options,
+                                    int threads = 0) {
+  using Lanes = Pack<double, std::max(native_lanes<double>, 2)>;
+  if (count < 1) detail::refuse("number of starts", "1 or more", count);
+  Transitions<N> all{options.duration, {}, {}};
+  for (std::ptrdiff_t i = 0; i < count; ++i) {
+    all.starts.push_back(start(i));
+    for (auto& body : all.starts.back().state.body) detail::make_unit(body.orientation);
+  }
+  all.ends.resize(all.starts.size());
+  std::vector<char> lost(all.starts.size());
+  const auto at = [&](std::ptrdiff_t i) -> const Start<N>& {
+    return all.starts[static_cast<std::size_t>(i)];
+  };
+  SimulationOptions plan = options;
+  if (options.duration > 0) plan.sample_rate = 1 / options.duration;
+  simulate_batch<Lanes>(
+      system, count, [&](std::ptrdiff_t i) { return at(i).state; },
+      [&](const auto& lanes) {
+        return Forces{forces, detail::lane_wrenches<Lanes, N>(lanes, at)};
+      },
+      integrator, plan,
+      [&](const auto& sample) {
+        const auto i = static_cast<std::size_t>(sample.scenario);
+        all.ends[i] = sample.state;
+        lost[i] = !sample.finite;
+      },
+      threads);
+  for (std::size_t i = 0; i < lost.size(); ++i)
+    if (lost[i]) detail::refuse(detail::text("end of start ", i), "finite numbers", "others");
+  return all;
+}
+
+}  // namespace rbres
