@@ -83,6 +83,21 @@ TEST_CASE("a row for each predictor and horizon") {
     sum += norm(state[0].position - scene.state(25, 0).position);
   }
   CHECK(sum / test.size() == doctest::Approx(error(3)).epsilon(1e-4));
+  // Ten seconds on, balls still lie on the floor, with no more energy than they began with.
+  for (const Trajectory& scene : test) {
+    const auto energy = [&](const RigidState<double>& y) {
+      return kinetic_energy(scene.body(0), y) - scene.body(0).mass() * dot(test.gravity(), y.position);
+    };
+    ContactLawSimulator step(test, scene, law);
+    SceneState state{{scene.state(0, 0)}};
+    double most = 0;
+    for (int t = 0; t < 1000; ++t) {
+      step(state);
+      most = std::max(most, energy(state[0]));
+    }
+    CHECK(most < 1.02 * energy(scene.state(0, 0)));
+    CHECK(state[0].position.z == doctest::Approx(0.1).epsilon(0.1));
+  }
 }
 
 TEST_CASE("folders that do not fit are refused on one line") {
