@@ -1,0 +1,25 @@
+# The C++ blocks of README.md, one after the other, must compile as the body of one main().
+set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/README.md)
+file(READ ${PROJECT_SOURCE_DIR}/README.md text)
+string(REPLACE ";" "@semicolon@" text "${text}")  # lists of CMake end there
+string(REGEX MATCHALL "```cpp\n[^`]*```" blocks "${text}")
+list(LENGTH blocks count)
+if(count EQUAL 0)
+  message(FATAL_ERROR "README.md has no block of C++")
+endif()
+set(includes "")
+set(body "")
+foreach(block IN LISTS blocks)
+  string(REGEX REPLACE "^```cpp\n|```$" "" block "${block}")
+  string(REGEX MATCHALL "#include [^\n]*\n" here "${block}")
+  string(REGEX REPLACE "#include [^\n]*\n" "" block "${block}")
+  string(APPEND includes ${here})
+  string(APPEND body "${block}")
+endforeach()
+string(REPLACE "@semicolon@" ";" body "${body}")
+file(CONFIGURE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/readme.cpp CONTENT "${includes}\nint main() {\n${body}}\n" @ONLY)
+
+if(TARGET nlohmann_json::nlohmann_json)
+  add_test(NAME readme COMMAND ${CMAKE_CXX_COMPILER} -std=c++20 -fsyntax-only -Wall -Wextra -Werror
+    -I${PROJECT_SOURCE_DIR}/include -isystem ${eigen_folders} ${CMAKE_CURRENT_BINARY_DIR}/readme.cpp)
+endif()
