@@ -69,8 +69,8 @@ struct Loads {
 struct Balance {
   double impact_rise = 0;   ///< of the energy, the largest in one impact, over the scale of the run's energy
   double rise = 0;          ///< of the energy above the least so far, over the same
-  double linear = 0;        ///< change of the momentum, over its scale
-  double angular = 0;       ///< change of the angular momentum, over its scale
+  double linear = 0;        ///< change of the momentum beyond rounding, over its scale
+  double angular = 0;       ///< change of the angular momentum beyond rounding, over its scale
   double linear_along = 0;  ///< change of the momentum along the edge of the first two planes, over its scale
   double overlap = 0;       ///< the deepest at the end of a step, over the smaller body's bounding radius
   double work = 0;          ///< evaluations of the forces, over those of free motion
@@ -78,14 +78,26 @@ struct Balance {
 };
 
 /// Watches one run in double precision, whatever its scalar. `free` takes a state over a step in which
-/// nothing is met, in the run's own scalar.
+/// nothing is met, in the run's own scalar; `epsilon` is that scalar's.
+///
+/// Rounding is known, and no error of contacts. In free motion it is measured: what a step from the same
+/// state does to the momentum. A step in which bodies touch writes their velocities at least twice, after its
+/// forces and after the impulses at its end; each write is off by epsilon / 2 of the velocity at most. So it
+/// may change the momentum by epsilon times the sum of the bodies' |m v|, the angular momentum by epsilon
+/// times the sum of |x| |m v| + |R I w|. The errors of a resting contact do not change sign from step to
+/// step: they add up as the number of steps, not as its root.
 template <class Shape>
 class Watch {
  public:
   using Free = std::function<States(const States&)>;
 
-  Watch(const World<Shape>& system, const Vector& gravity, const Free& free, const States& start)
-      : system_(system), gravity_(gravity), free_flight_(free), start_(system, start, gravity) {
+  Watch(const World<Shape>& system, const Vector& gravity, const Free& free, double epsilon,
+        const States& start)
+      : system_(system),
+        gravity_(gravity),
+        free_flight_(free),
+        epsilon_(epsilon),
+        start_(system, start, gravity) {
     for (int i = 0; i < bodies; ++i) {
       const auto& body = system[i];
       const double p = norm(linear_momentum(body, start[i])), r = body.bounding_radius();
@@ -94,7 +106,8 @@ class Watch {
       angular_scale_ += p * (r + norm(start[i].position)) + norm(spin_angular_momentum(body, start[i]));
     }
     if (!system.planes().empty()) edge_ = cross(system.planes()[0].normal, system.planes()[1].normal);
-    free_ = free_change(start);
+    flown_ = free_flight_(start);
+    free_ = free_change(start, flown_);
   }
 
   void impact(const States& before, const States& after) {
@@ -103,18 +116,24 @@ class Watch {
   }
   /// The state at the end of a step.
   void step(const States& y) {
-    const Sums now(system_, y, gravity_), free = free_change(y);
+    const Sums now(system_, y, gravity_);
+    if (y != flown_) allow_rounding(y);
+    flown_ = free_flight_(y);
+    const Change free = free_change(y, flown_);
     // From either end of the step: an impact in it may have changed how fast a body turns.
     spent_.energy += std::max(free_.energy, free.energy);
-    spent_.turn += std::max(free_.turn, free.turn);
+    spent_.along += std::max(free_.along, free.along);
+    spent_.angular += std::max(free_.angular, free.angular);
     free_ = free;
     const double gained = now.energy - start_.energy - spent_.energy;
     least_ = std::min(least_, gained + sunk(y));
     const auto worst = [](double& value, double next) { value = next <= value ? value : next; };
     worst(balance.rise, (gained - least_) / energy_scale_);
-    worst(balance.linear, norm(now.linear - start_.linear) / linear_scale_);
-    worst(balance.linear_along, std::abs(dot(now.linear - start_.linear, edge_)) / linear_scale_);
-    worst(balance.angular, (norm(now.angular - start_.angular) - spent_.turn) / angular_scale_);
+    worst(balance.linear, (norm(now.linear - start_.linear) - rounded_.linear) / linear_scale_);
+    const double along = std::abs(dot(now.linear - start_.linear, edge_));
+    worst(balance.linear_along, (along - spent_.along - rounded_.linear) / linear_scale_);
+    const double angular = norm(now.angular - start_.angular);
+    worst(balance.angular, (angular - spent_.angular - rounded_.angular) / angular_scale_);
     worst(balance.overlap, overlap(system_, y));
   }
 
@@ -122,21 +141,31 @@ class Watch {
 
  private:
   struct Sums {
-    double energy = 0, turn = 0;
+    double energy;
     Vector linear, angular;
-    Sums() = default;
     Sums(const World<Shape>& system, const States& y, const Vector& gravity)
         : energy(rbres::energy(system, y, gravity)),
           linear(linear_momentum(system, y)),
           angular(angular_momentum(system, y)) {}
   };
-  /// What a step changes in free motion: the integrator's own error.
-  Sums free_change(const States& y) const {
-    const Sums a(system_, y, gravity_), b(system_, free_flight_(y), gravity_);
-    Sums change;
-    change.energy = std::abs(b.energy - a.energy);
-    change.turn = norm(b.angular - a.angular);
-    return change;
+  struct Change {
+    double energy = 0, along = 0, linear = 0, angular = 0;  ///< along: the edge of the first two planes
+  };
+  /// What a step from y to `flown` changes in free motion: the integrator's own error, rounding included.
+  Change free_change(const States& y, const States& flown) const {
+    const Sums a(system_, y, gravity_), b(system_, flown, gravity_);
+    return {.energy = std::abs(b.energy - a.energy),
+            .along = std::abs(dot(b.linear - a.linear, edge_)),
+            .angular = norm(b.angular - a.angular)};
+  }
+  /// What a step in which bodies touch may lose to rounding.
+  void allow_rounding(const States& y) {
+    for (int i = 0; i < bodies; ++i) {
+      const double p = norm(linear_momentum(system_[i], y[i]));
+      rounded_.linear += epsilon_ * p;
+      rounded_.angular +=
+          epsilon_ * (p * norm(y[i].position) + norm(spin_angular_momentum(system_[i], y[i])));
+    }
   }
 
   /// What gravity gave to bodies that overlap planes, and takes back when they are pushed out.
@@ -153,8 +182,10 @@ class Watch {
   const World<Shape>& system_;
   Vector gravity_, edge_;
   Free free_flight_;
-  double least_ = 0, energy_scale_ = 0, linear_scale_ = 0, angular_scale_ = 0;
-  Sums start_, spent_, free_;
+  double epsilon_, least_ = 0, energy_scale_ = 0, linear_scale_ = 0, angular_scale_ = 0;
+  Sums start_;
+  Change free_, spent_, rounded_;
+  States flown_;
 };
 
 template <class T>
@@ -264,7 +295,8 @@ auto follow(const World<Shape>& system, const Starts& starts, const Vector& grav
   for (std::size_t l = 0; l < lanes; ++l) {
     runner.start(l, starts[l]);
     watches.emplace_back(
-        runner.exact(), gravity, [&](const States& y) { return runner.free_step(y); }, runner.state(l));
+        runner.exact(), gravity, [&](const States& y) { return runner.free_step(y); },
+        std::numeric_limits<T>::epsilon(), runner.state(l));
   }
   std::array<long, lanes> impacts{};
   Ear<T, Shape> ear{&watches[0]};
