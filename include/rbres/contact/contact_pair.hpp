@@ -70,6 +70,12 @@ struct ContactPair {
   bool plane() const { return who.first < 0; }
   /// A plane's points are corners, always the same; where two bodies touch moves with their manifold.
   bool fixed_points() const { return plane() || points == 1; }
+  /// How much deeper the pair may get in one part of a step, m. Bodies that rest on one another show a new
+  /// point by its depth.
+  S most_sinking() const {
+    const S most = as<S>(2e-5) * size;
+    return fixed_points() ? most : select(any_resting, minimum(most, S(as<S>(0.5) * near)), most);
+  }
   /// The motion of the second body where the first is a plane: nothing reads or changes a plane's.
   Motion<S>& first(Motions& m) const { return m[static_cast<std::size_t>(plane() ? who.second : who.first)]; }
   Motion<S>& second(Motions& m) const { return m[static_cast<std::size_t>(who.second)]; }

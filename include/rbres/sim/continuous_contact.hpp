@@ -46,22 +46,27 @@ class ContinuousContact {
     impacts_.start_step();
     search_.start_part();
     S left = h, now = t;
-    MaskOf<S> lost(false);          // goes too far for one step
-    bool resolved = false;          // the impacts of this instant
-    const S pull = as<S>(0.1) / h;  // resting contacts close a tenth of their gap in a step
+    MaskOf<S> lost(false);  // goes too far for one step
+    bool resolved = false;  // the impacts of this instant
+    S longest = h;          // part that can be computed at once
     for (int event = 0; event < options_.max_events; ++event) {
       MaskOf<S> running = (left > S(0)) & !lost;
       if (!any(running)) break;
+      // No rest is left that is a rounding error: forces over such a part would be, too.
+      const S ahead = select(left < as<S>(1.25) * longest, left, longest);
+      // Resting contacts close a tenth of their gap in a step, and more where its parts must be short.
+      const S pull = maximum(S(as<S>(0.1) / h), select(longest < h, S(as<S>(0.5) / longest), S(0)));
 
       // Find the pairs that may touch before the step is over.
-      State free = fly(*system_, forces, integrator, y, now, left);
-      const MaskOf<S> faulty = mark_faults(search_.ways(y, free, left), free, running, y);
+      State free = fly(*system_, forces, integrator, y, now, ahead);
+      const MaskOf<S> faulty = mark_faults(search_.ways(y, free, ahead), free, running, y);
       left = select(faulty, S(0), left);
       running = running & !faulty;
       Pairs& pairs = search_.find(y, running);
       if (pairs.empty()) {
         y = chosen(running, free, y);
-        left = select(running, S(0), left);
+        left = select(running, S(left - ahead), left);
+        now = now + ahead;
         continue;
       }
 
@@ -86,10 +91,10 @@ class ContinuousContact {
           any(stopped)) {
         y = detail::with_velocities(y, motion, [&](int i) { return stopped & resting_.rests(i); });
         detail::measure_speeds<System>(motion, pairs);
-        free = fly(*system_, forces, integrator, y, now, left);
+        free = fly(*system_, forces, integrator, y, now, ahead);
       }
       RestingForces contact;
-      if (resting) contact = resting_.forces(pairs, y, motion, free, left, pull);
+      if (resting) contact = resting_.forces(pairs, y, motion, free, ahead, pull);
       const auto flown = [&](const S& time) {
         const auto push = [&](const RigidState<S>& state, int i, const S& at, const Wrench<S>& wrench) {
           const auto& c = contact[static_cast<std::size_t>(i)];
@@ -101,15 +106,27 @@ class ContinuousContact {
       };
 
       // Advance to the next impact.
-      Part part{resting ? flown(left) : free, left};
+      Part part{resting ? flown(ahead) : free, ahead};
       // Contact forces may carry a body farther than its free flight: then others may be in its way.
-      if (resting && !search_.covers(y, part.end, left, running)) {
+      if (resting && !search_.covers(y, part.end, ahead, running)) {
         resolved = true;
         continue;
       }
       // However dense the impacts, time goes on.
-      const S impact = maximum(earliest_impact(pairs, y, part, lost), minimum(left, S(as<S>(1e-9) * h)));
-      if (any(running & (impact < left))) part = {flown(impact), impact};
+      const S impact = maximum(earliest_impact(pairs, y, part, lost), minimum(ahead, S(as<S>(1e-9) * h)));
+      const bool cut = any(running & (impact < ahead));
+      if (cut) part = {flown(impact), impact};
+      if (cut || resting) {
+        // Forces that are constant over a part, and the interpolation that finds impacts, are off by the
+        // third and fourth power of its duration: where bodies end too deep, it must be shorter.
+        const S shortest = as<S>(1.0 / 512) * h;
+        const MaskOf<S> deep = running & (ahead > shortest) & (resting_.sunk(pairs, part.end, cut) > S(1));
+        if (any(deep)) {
+          longest = select(deep, maximum(S(as<S>(0.5) * ahead), shortest), longest);
+          resolved = true;
+          continue;
+        }
+      }
       if (resting) part.end = resting_.settled(pairs, y, contact, part.end, part.duration, pull);
       y = chosen(running, part.end, y);
       left = select(running, S(left - part.duration), left);

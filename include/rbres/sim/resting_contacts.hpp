@@ -27,7 +27,7 @@ class RestingContacts {
 
   explicit RestingContacts(const System& system)
       : system_(&system), islands_(most_pairs(system)), rows_(system), memory_(rows_.capacity()) {
-    normals_.reserve(most_pairs(system));
+    at_end_.reserve(most_pairs(system));
   }
 
   /// A state that did not come out of the last step owes nothing to it.
@@ -136,19 +136,40 @@ class RestingContacts {
     return contact;
   }
 
-  /// What becomes of `flown`, where the contacts' forces have taken the bodies from y in `part` seconds: no
-  /// resting point approaches, and contacts have done no work that they cannot do.
+  /// How much deeper than at the start of a part the deepest point is in `flown`, where the contacts' forces
+  /// have taken the bodies; 1: as deep as it may get. Of resting pairs, or of all.
+  S sunk(const Pairs& pairs, const State& flown, bool all) {
+    at_end_.resize(pairs.size());
+    S worst(0);
+    for (std::size_t k = 0; k < pairs.size(); ++k) {
+      const Pair& pair = pairs[k];
+      if (!all && !any(pair.any_resting)) continue;
+      typename Pair::Contact& contact = at_end_[k];
+      pair.find(*system_, flown, contact);
+      S deeper = minimum(pair.manifold.separation, S(0)) - contact.separation;
+      if (pair.fixed_points()) {
+        deeper = S(0);
+        for (std::size_t i = 0; i < P; ++i) {
+          const MaskOf<S> counts = pair.resting[i] | MaskOf<S>(all);
+          const S depth = minimum(pair.manifold.gap[i], S(0)) - contact.gap[i];
+          deeper = maximum(deeper, select(counts, depth, S(0)));
+        }
+      }
+      worst = maximum(worst, S(deeper / pair.most_sinking()));
+    }
+    return worst;
+  }
+
+  /// What becomes of `flown`, for which sunk() was asked: no resting point approaches, and contacts have done
+  /// no work that they cannot do from y on, in `part` seconds.
   State settled(const Pairs& pairs, const State& y, const Forces& contact, const State& flown, const S& part,
                 const S& pull) {
     Motions motion = motions_of(*system_, flown);
-    normals_.resize(pairs.size());
     for (std::size_t island = 0; island < islands_.count(); ++island) {
       rows_.clear();
       for (const std::size_t k : islands_[island]) {
         const Pair& pair = pairs[k];
-        typename Pair::Contact at_end;
-        pair.find(*system_, flown, at_end);
-        normals_[k] = at_end.normal;
+        const typename Pair::Contact& at_end = at_end_[k];
         if (rows_.full()) continue;
         for (std::size_t i = 0; i < P; ++i) {
           const MaskOf<S> near = at_end.gap[i] <= pair.near;  // points may have changed places
@@ -247,7 +268,7 @@ class RestingContacts {
     for (const std::size_t k : island) {
       const Pair& pair = pairs[k];
       const MaskOf<S> member = pair.any_resting & members[index(pair.moved.second)];
-      energy_.add(pair.moved, normals_[k], pair.surface.friction, member);
+      energy_.add(pair.moved, at_end_[k].normal, pair.surface.friction, member);
       if (pair.moved.first >= 0 || pair.plane()) continue;
       const RigidState<S>& partner =
           y[pair.moved.second == pair.who.first ? pair.who.second : pair.who.first];
@@ -270,8 +291,8 @@ class RestingContacts {
   ContactMemory<System> memory_;
   IslandEnergy<System> energy_;
   std::array<MaskOf<S>, N> rests_;
-  Reserved<Vec3<S>> normals_;  ///< of the resting pairs, at the end of a part
-  State last_{};               ///< where the last step ended
+  Reserved<typename Pair::Contact> at_end_;  ///< how the resting pairs meet at the end of a part
+  State last_{};                             ///< where the last step ended
 };
 
 }  // namespace rbres::detail
