@@ -23,7 +23,8 @@ Manifold<S, 1> detect(const Sphere<S>& a, const Pose<S>& pa, const Capsule<S>& b
 }
 
 /// Closest points of the two axes (Ericson: Real-Time Collision Detection, 5.1.9); both ends of the overlap
-/// where the axes are nearly parallel, so that one capsule can lie on another.
+/// where the axes are nearly parallel, so that one capsule can lie on another: between where they stand on
+/// either axis, across the mean of both, so that no order of the two is preferred.
 template <class S>
 Manifold<S, 2> detect(const Capsule<S>& a, const Pose<S>& pa, const Capsule<S>& b, const Pose<S>& pb) {
   using std::abs;
@@ -31,26 +32,31 @@ Manifold<S, 2> detect(const Capsule<S>& a, const Pose<S>& pa, const Capsule<S>& 
   const Vec3<S> r = pa.position - pb.position;
   const S cosine = dot(u, w), c = dot(u, r), f = dot(w, r);
   const S sine2 = S(1) - square(cosine);
-  const S low = maximum(S(-a.half_length), S(-c - b.half_length * abs(cosine)));
-  const S high = minimum(a.half_length, S(-c + b.half_length * abs(cosine)));
-  const MaskOf<S> aligned = sine2<as<S>(1e-4), overlap = high> low;
-  const MaskOf<S> parallel = aligned & overlap;
+  const MaskOf<S> opposed = cosine < S(0);
+  const S low_a = maximum(S(-a.half_length), S(-c - b.half_length * abs(cosine)));
+  const S high_a = minimum(a.half_length, S(-c + b.half_length * abs(cosine)));
+  const S low_b = maximum(S(-b.half_length), S(f - a.half_length * abs(cosine)));
+  const S high_b = minimum(b.half_length, S(f + a.half_length * abs(cosine)));
+  const MaskOf<S> aligned = sine2<as<S>(1e-4), overlap_a = high_a> low_a, overlap_b = high_b > low_b;
+  const MaskOf<S> parallel = aligned & overlap_a & overlap_b;
 
   S s = clamp(S((cosine * f - c) / maximum(sine2, as<S>(1e-6))), S(-a.half_length), a.half_length);
-  const S t = clamp(S(cosine * s + f), S(-b.half_length), b.half_length);
+  S t = clamp(S(cosine * s + f), S(-b.half_length), b.half_length);
   s = clamp(S(cosine * t - c), S(-a.half_length), a.half_length);
-  const S ends[2] = {select(parallel, low, s), select(parallel, high, s)};
+  t = clamp(S(cosine * s + f), S(-b.half_length), b.half_length);
+  const Vec3<S> on_a[2] = {pa.position + select(parallel, low_a, s) * u,
+                           pa.position + select(parallel, high_a, s) * u};
+  const Vec3<S> on_b[2] = {pb.position + select(parallel, select(opposed, high_b, low_b), t) * w,
+                           pb.position + select(parallel, select(opposed, low_b, high_b), t) * w};
 
   Manifold<S, 2> m{{}, S(0), {}, {}};
-  const S middle = S(0.5) * (ends[0] + ends[1]);
-  m.normal =
-      direction_or_z(pb.position + clamp(S(cosine * middle + f), S(-b.half_length), b.half_length) * w -
-                     pa.position - middle * u);
+  const Vec3<S> between = as<S>(0.5) * (on_b[0] - on_a[0] + on_b[1] - on_a[1]);
+  const Vec3<S> mean = u + select(opposed, S(-1), S(1)) * w;
+  const S along = dot(mean, between) / squared_norm(mean);
+  m.normal = direction_or_z(between - select(parallel, along, S(0)) * mean);
   for (std::size_t i = 0; i < 2; ++i) {
-    const Vec3<S> on_a = pa.position + ends[i] * u;
-    const S along = clamp(S(cosine * ends[i] + f), S(-b.half_length), b.half_length);
-    m.gap[i] = dot(m.normal, pb.position + along * w - on_a) - a.radius - b.radius;
-    m.point[i] = on_a + (a.radius + S(0.5) * m.gap[i]) * m.normal;
+    m.gap[i] = dot(m.normal, on_b[i] - on_a[i]) - a.radius - b.radius;
+    m.point[i] = as<S>(0.5) * (on_a[i] + on_b[i] + (a.radius - b.radius) * m.normal);
   }
   m.separation = minimum(m.gap[0], m.gap[1]);
   m.gap[1] = select(parallel, m.gap[1], S(m.none));
