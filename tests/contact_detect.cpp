@@ -191,3 +191,16 @@ TEST_CASE("shapes chosen at run time meet as those chosen when compiling") {
   CHECK(detect(AnyShape<double>(box), pa, AnyShape<double>(sphere), pb).separation ==
         detect(box, pa, sphere, pb).separation);
 }
+
+TEST_CASE("nearly parallel capsules meet alike in either order") {
+  Random r(31, 0);
+  const Capsule<double> a{0.1, 0.5}, b{0.15, 0.4};
+  for (int i = 0; i < 100; ++i) {
+    const double tilt = 5e-3 * r.normal();  // of capsules that count as parallel, up to 1e-2
+    const auto pa = pose({0, 0, 0}), pb = pose({0.25, 0.1 * r.normal(), 0.1 * r.normal()},
+                                               quaternion_exp(Vec3<double>{tilt, 5e-3 * r.normal(), 0}));
+    const auto m = detect(a, pa, b, pb), swapped = detect(b, pb, a, pa);
+    CHECK(norm(m.normal + swapped.normal) < 1e-14);
+    CHECK(std::abs(m.separation - swapped.separation) < 1e-14);
+  }
+}
