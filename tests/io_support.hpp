@@ -12,6 +12,8 @@
 
 #include <rbres/core/error.hpp>
 
+#include "error_of.hpp"
+
 /// An empty folder that goes away with the object.
 class TemporaryFolder {
  public:
@@ -37,17 +39,6 @@ inline void write_bytes(const std::filesystem::path& path, const std::string& by
 inline std::string read_bytes(const std::filesystem::path& path) {
   std::ifstream in(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(in), {}};
-}
-
-/// What the rbres::Error that `action` throws says; "" when it throws none.
-template <class Action>
-std::string error_of(const Action& action) {
-  try {
-    action();
-  } catch (const rbres::Error& error) {
-    return error.what();
-  }
-  return "";
 }
 
 inline bool contains(const std::string& text, const std::string& part) {

@@ -7,6 +7,8 @@
 #include <rbres/nn/nn.hpp>
 #include <string>
 
+#include "error_of.hpp"
+
 using namespace rbres;
 
 namespace {
@@ -107,16 +109,6 @@ std::vector<std::uint32_t> first_items(std::uint32_t count) {
   std::vector<std::uint32_t> items(count);
   std::iota(items.begin(), items.end(), 0u);
   return items;
-}
-
-template <class F>
-std::string error_of(const F& f) {
-  try {
-    f();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "";
 }
 
 }  // namespace

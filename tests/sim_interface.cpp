@@ -5,6 +5,8 @@
 #include <rbres/rbres.hpp>
 #include <unsupported/Eigen/AutoDiff>
 
+#include "error_of.hpp"
+
 using namespace rbres;
 
 namespace {
@@ -21,16 +23,6 @@ State falling() {
   y[1].position = {1, 0, 0.7};
   y[1].angular_velocity = {1, 2, 3};
   return y;
-}
-
-template <class F>
-std::string error_of(const F& f) {
-  try {
-    f();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "";
 }
 
 }  // namespace

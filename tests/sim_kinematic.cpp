@@ -3,6 +3,8 @@
 
 #include <rbres/rbres.hpp>
 
+#include "error_of.hpp"
+
 using namespace rbres;
 
 namespace {
@@ -59,16 +61,6 @@ RigidState<double> below() {
 /// Two bodies and a static one far away.
 System<double, 3> with_third(const Body<double>& first, const Body<double>& second) {
   return System<double, 3>({first, second, Body<double>::kinematic(Sphere{0.1})});
-}
-
-template <class F>
-std::string error_of(const F& f) {
-  try {
-    f();
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "";
 }
 
 }  // namespace
