@@ -104,7 +104,7 @@ int main(int argc, char** argv) {
       "same command goes on where it was."};
   bool quick = false;
   std::string folder, json, commit;
-  app.add_flag("--quick", quick, "a small version, about half a minute on two cores");
+  app.add_flag("--quick", quick, "a small version, about a minute on two cores");
   app.add_option("--out", folder, "folder for results, models and figures")
       ->default_str("rbres_paper or rbres_paper_quick");
   app.add_option("--json", json, "also save every figure of every table, by name, to this file");
@@ -125,8 +125,10 @@ int main(int argc, char** argv) {
     write_text(store.folder() / "results.md", origin(command, commit) + report(plan, results));
     write_text(store.folder() / "results.json", results.dump(1) + "\n");
     if (!json.empty()) write_text(json, results.dump(1) + "\n");
-    std::printf("\nEvery table: %s\nEvery figure of them by name: %s\n",
-                (store.folder() / "results.md").c_str(), (store.folder() / "results.json").c_str());
+    summary_table(plan, results).print();
+    std::printf("\nAll tables: %s\nTheir numbers by name: %s\nModels: %s\n",
+                (store.folder() / "results.md").c_str(), (store.folder() / "results.json").c_str(),
+                (store.folder() / "models").c_str());
     draw_figures(plan, store, results);
   });
 }

@@ -106,7 +106,7 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
                                             "", "mean square position error, m²"),
                                      families, series);
   }
-  std::printf("\nFigures: %s%s\n", folder.c_str(), drawn ? "" : (" " + figures::how_to_draw(folder)).c_str());
+  std::printf("Figures: %s%s\n", folder.c_str(), drawn ? "" : (" " + figures::how_to_draw(folder)).c_str());
 }
 
 }  // namespace paper

@@ -1,4 +1,4 @@
-// The experiment's tables: which are printed, which are only saved.
+// The experiment's tables: one that is printed, and all that are saved.
 #pragma once
 
 #include <map>
@@ -107,6 +107,12 @@ inline Table family_table(const Plan& plan, const Json& results, const Place& pl
   return table;
 }
 
+/// Whether a method stands in tables that are to be short.
+inline bool is_main(const std::string& method) {
+  return method != "constant velocity" && method != "RK4 10 ms" && method != "RK4 5 ms" &&
+         method != "RK4 2 ms";
+}
+
 /// What the paper claims at 5 s beside what the same kind of method does here at horizon h.
 inline Table claims_table(const Plan& plan, const Json& results, std::size_t h) {
   Table table{"The paper's claims (at 5 s) beside this run at " + seconds(plan.horizons[h]),
@@ -126,9 +132,7 @@ inline Table claims_table(const Plan& plan, const Json& results, std::size_t h) 
   for (const Place& place : places(plan)) {
     const Json& times = results.at("timing").at(place.label()).at(std::to_string(h));
     for (const Method& m : methods_at(plan, results, place, h)) {
-      if (m.name == "constant velocity" || m.name == "RK4 10 ms" || m.name == "RK4 5 ms" ||
-          m.name == "RK4 2 ms")
-        continue;
+      if (!is_main(m.name)) continue;
       std::vector<std::string> row{place.label() + ": " + m.title()};
       for (const Quantity& q : quantities) row.push_back(m.value(q.pointer).text());
       std::string relative;
@@ -197,13 +201,38 @@ inline std::string protocol_text(const Plan& plan) {
   return text + "\n";
 }
 
-/// All tables as Markdown; those that matter most are printed. `results` gets the verdicts by name.
+/// How far the main methods are off in each world at the last horizon, and what they cost.
+inline Table summary_table(const Plan& plan, const Json& results) {
+  const std::size_t last = plan.horizons.size() - 1;
+  Table table{"Where bodies are " + seconds(plan.horizons[last]) +
+                  " later: distance from the truth, root mean square",
+              {""},
+              {},
+              ""};
+  for (const Place& place : places(plan)) {
+    table.head.push_back(place.label() + ", m");
+    table.head.push_back("µs");
+    const Json& times = results.at("timing").at(place.label()).at(std::to_string(last));
+    for (const Method& m : methods_at(plan, results, place, last)) {
+      if (!is_main(m.name)) continue;
+      const auto same = [&](const auto& row) { return row[0] == m.title(); };
+      auto row = std::find_if(table.rows.begin(), table.rows.end(), same);
+      if (row == table.rows.end()) row = table.rows.insert(row, {m.title()});
+      row->resize(table.head.size() - 2, "-");  // of worlds that do not have it
+      row->push_back(digits(std::sqrt(3 * m.value("/position").mean)));
+      row->push_back(digits(times.at(m.name).at("us").at("median")));
+    }
+  }
+  for (auto& row : table.rows) row.resize(table.head.size(), "-");
+  table.note = "µs: of one core, for one scenario of five bodies at most.";
+  return table;
+}
+
+/// All tables as Markdown. `results` gets the verdicts by name.
 inline std::string report(const Plan& plan, Json& results) {
   std::string markdown;
-  const auto add = [&](const Table& table, bool print = false) {
-    if (table.rows.empty()) return;
-    if (print) table.print();
-    markdown += table.markdown();
+  const auto add = [&](const Table& table) {
+    if (!table.rows.empty()) markdown += table.markdown();
   };
   const std::size_t last = plan.horizons.size() - 1;
   const auto heading = [&](const std::string& text) { markdown += "## " + text + "\n\n"; };
@@ -214,12 +243,12 @@ inline std::string report(const Plan& plan, Json& results) {
   markdown +=
       "Mean square errors per component over the present bodies. The longest horizon at which, and at all "
       "shorter ones, the method's error is at most the paper's figure for its residual network.\n\n";
-  for (const Place& place : places(plan)) add(met_table(plan, results, place), true);
+  for (const Place& place : places(plan)) add(met_table(plan, results, place));
   heading("Where the residual network is better");
   markdown +=
       "The other method's mean square error over the residual network's (residual target): above 1 the "
       "network is better. ± is the standard deviation over seeds.\n\n";
-  for (const Place& place : places(plan)) add(better_table(plan, results, place), true);
+  for (const Place& place : places(plan)) add(better_table(plan, results, place));
   heading("Beside the paper's claims");
   add(claims_table(plan, results, last));
   heading("Accuracy and cost");
@@ -230,7 +259,7 @@ inline std::string report(const Plan& plan, Json& results) {
       "which all methods take turns; batch: networks on 256 scenarios at once, RK4 on one in each lane of a "
       "register.\n\n";
   for (const Place& place : places(plan)) {
-    for (std::size_t h = 0; h <= last; ++h) add(accuracy_table(plan, results, place, h), h == last);
+    for (std::size_t h = 0; h <= last; ++h) add(accuracy_table(plan, results, place, h));
   }
   heading("Predictability floor");
   markdown += "Where truth itself moves when its step is halved, no predictor can be better.\n\n";
@@ -244,7 +273,7 @@ inline std::string report(const Plan& plan, Json& results) {
   heading("Rollouts");
   markdown += "The paper claims a cumulative error below RK4's up to about 10 s.\n\n";
   for (const auto& [label, rollout] : results["rollout"].items())
-    add(rollout_table(rollout, label, plan.horizons[plan.rollout_horizon]), true);
+    add(rollout_table(rollout, label, plan.horizons[plan.rollout_horizon]));
   heading("Relative errors");
   markdown +=
       "Mean and median of |error| / |truth| per body and vector; and the paper's element-wise formula, the "
