@@ -1,4 +1,5 @@
 // The measured cube tosses: how they are read and scored, and rbres_tosses as a program.
+#include "../examples/common/scenes.hpp"
 #include "../examples/tosses/score.hpp"
 #include "../examples/tosses/toss.hpp"
 
