@@ -151,6 +151,13 @@ TEST_CASE("many predictions at once are those one by one, and allocate nothing")
   CHECK_THROWS_AS(p.predict(std::span(states).first(3), wrenches, std::span(next).first(4), batch), Error);
   CHECK_THROWS_AS(p.predict(states[0], std::span(wrenches).first(3), std::span(next).first(4), batch), Error);
   CHECK_THROWS_AS(Small::Batch(0), Error);
+  CHECK_THROWS_WITH_AS(
+      p.predict(std::span(next).first(9), std::span(wrenches).first(9), std::span(next).subspan(1, 9), batch),
+      doctest::Contains("room for predictions"), Error);
+  states[0] = random_state<State>(3);
+  const State expected = p.predict(states[0], wrenches[0]);
+  p.predict(states[0], std::span(wrenches).first(9), std::span(states).first(9), batch);
+  for (std::size_t i = 0; i < 9; ++i) CHECK((states[i].vector() - expected.vector()).norm() < 1e-5);
 }
 
 namespace {
@@ -249,7 +256,7 @@ TEST_CASE("transitions of one's own world train a predictor") {
     s.state[0].position = {random.uniform(-0.2, 0.2), 0, random.uniform(0.1, 0.12)};
     s.state[0].velocity.z = random.uniform(-3, -1);
     s.state[1].position = {1, 0, random.uniform(0.2, 0.3)};
-    s.state[0].orientation = {0, 0, 0, 2};  // made unit
+    s.state[0].orientation = {0, 0, 0, 1 + 1e-4};  // made unit
     s.wrench[1].force.x = random.uniform(-3, 3);
     return s;
   };
@@ -284,7 +291,21 @@ TEST_CASE("transitions of one's own world train a predictor") {
                        "ends of transitions: expected 700, as many as starts, found 699", Error);
   CHECK_THROWS_AS(train_predictor(p, {0.1, {9, data.starts[0]}, {9, data.ends[0]}}), Error);
   CHECK_THROWS_AS(train_predictor(p, {0, data.starts, data.ends}), Error);
+  CHECK_THROWS_WITH_AS(train_predictor(p, {4000, data.starts, data.ends}), doctest::Contains("horizon"),
+                       Error);
   CHECK_THROWS_AS(simulate_transitions(world, Gravity{}, Rk4{}, 0, start, options), Error);
+  const auto refused = [&](const char* what, const auto& change) {
+    const auto changed = [&](std::ptrdiff_t i) {
+      Start<2> s = start(i);
+      if (i == 2) change(s);
+      return s;
+    };
+    CHECK_THROWS_WITH_AS(simulate_transitions(world, Gravity{}, Rk4{}, 4, changed, options), what, Error);
+  };
+  refused("start 2: wrench of body 1: expected finite numbers, found nan",
+          [](Start<2>& s) { s.wrench[1].torque.y = NAN; });
+  refused("start 2: body 0, orientation: expected a unit quaternion, found one of length 3",
+          [](Start<2>& s) { s.state[0].orientation.w = 3; });
   const Gravity<double> endless{{0, 0, 1e308}};
   CHECK_THROWS_WITH_AS(simulate_transitions(world, endless, Rk4{}, 3, start, options),
                        doctest::Contains("expected finite numbers"), Error);

@@ -238,6 +238,23 @@ TEST_CASE("a heavy box on a light one on a table, whatever the table's index") {
   }
 }
 
+TEST_CASE("what a press squeezes costs a bounded number of impacts, and is counted") {
+  const double height[] = {0.6, 0.4, 1.0};
+  for (std::size_t k = 0; k < 3; ++k) {
+    const System<double, 3> system = with_third(Body<double>(shapes<double>()[k], 1.0), table({0.5, 0.3}));
+    const System<double, 3> pressed({system[0], system[1], system[2]}, {floor_plane<double>({0.5, 0.3})});
+    SystemState<double, 3> y;
+    y[0].position.z = height[k] / 2;
+    y[1].position.z = height[k] + 0.505;
+    y[1].velocity.z = -0.5;
+    y[2].position.z = 100;
+    const auto report = simulate(pressed, y, Gravity{}, Rk4{}, {.step = 1e-3, .duration = 0.02});
+    CHECK(report.status == SimulationStatus::finished);
+    CHECK(report.overruns > 0);
+    CHECK(report.impacts < 1000 * report.steps);
+  }
+}
+
 TEST_CASE("lanes and float do the same") {
   using Lanes = Pack<double, 4>;
   for (const auto& shape : shapes<double>()) {

@@ -114,6 +114,7 @@ class PairNewton {
     }
     Vec3<S> v = velocity_, w = spin_;
     inertia_.respond(impulse, moment, v, w);
+    const S unknown(std::numeric_limits<typename Constants<S>::Real>::max());
     S worst(0);
     for (std::size_t i = 0; i < size_; ++i) {
       Row& r = rows_[i].value;
@@ -122,10 +123,13 @@ class PairNewton {
       r.moved = r.impulse - Vec3<S>{r.rho[0] * r.fault.x, r.rho[1] * r.fault.y, r.rho[1] * r.fault.z};
       const S normal = maximum(r.moved.x, S(0));
       const S share = inside(r.moved.y, r.moved.z, friction * normal);
-      const S off = r.response[0] * abs(normal - r.impulse.x);
+      // The fault itself: of a huge impulse its difference from the projection would be nothing but rounding.
+      const S off = select(r.moved.x > S(0), S(abs(r.fault.x)), S(r.response[0] * abs(r.impulse.x)));
       const S slip =
           r.response[1] * (abs(share * r.moved.y - r.impulse.y) + abs(share * r.moved.z - r.impulse.z));
-      worst = maximum(worst, select(r.active, maximum(off, slip), S(0)));
+      const S fault = off + slip;
+      const MaskOf<S> known = fault < unknown;
+      worst = maximum(worst, select(r.active, select(known, maximum(off, slip), unknown), S(0)));
     }
     return worst;
   }

@@ -78,8 +78,10 @@ class TrainingSet {
     if (data.ends.size() != data.starts.size())
       detail::refuse("ends of transitions", detail::text(data.starts.size(), ", as many as starts"),
                      data.ends.size());
-    if (!(data.horizon > 0) || !is_finite(data.horizon))
-      detail::refuse("horizon of transitions", "a positive time in s", data.horizon);
+    using Flow = FreeFlow<Predictor::bodies>;
+    if (!(data.horizon >= Flow::shortest && data.horizon <= Flow::longest))
+      detail::refuse("horizon of transitions",
+                     detail::text("from ", Flow::shortest, " to ", Flow::longest, " s"), data.horizon);
     check(std::ssize(data.starts), first_train, n);
     predictor.horizon = data.horizon;
     encode(predictor, detail::TransitionSource<Predictor::bodies>{&data}, first_train, n, threads,

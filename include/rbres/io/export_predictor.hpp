@@ -1,6 +1,7 @@
 #pragma once
 
 #include <rbres/io/export_header.hpp>
+#include <rbres/io/predictor.hpp>
 #include <rbres/predict/predictor.hpp>
 
 #include <array>
@@ -27,9 +28,7 @@ inline std::string exact_vector(const Vec3<double>& v) {
 }
 
 /// The expression that makes a body of a predictor's flow again.
-inline std::string body_text(const Body<double>& body, const std::string& what) {
-  if (!(body.shape_rotation() == Quat<double>{}))
-    refuse(what, "a shape along the principal axes", "a turned one");
+inline std::string body_text(const Body<double>& body) {
   struct {
     std::string operator()(const Sphere<double>& s) const {
       return text("Sphere<double>(", exact_literal(s.radius));
@@ -54,12 +53,13 @@ inline std::string body_text(const Body<double>& body, const std::string& what) 
 ///     #include "model.hpp"
 ///     const NAME::Predictor predictor = NAME::predictor();
 ///     state = predictor.predict(state, wrench);
-/// Numbers lose no bit. Atomic; see AtomicFile for the errors. Error too where a number is not finite, a
-/// shape does not stand along its body's principal axes, or `name` is no name for a namespace of one's own.
+/// Numbers lose no bit. Atomic; see AtomicFile for the errors. Error too where save() would refuse the
+/// predictor, or `name` is no name for a namespace of one's own.
 template <std::floating_point T, class Layers, int N>
 void export_header(const Predictor<Network<T, Layers>, N>& p, const std::filesystem::path& path,
                    std::string_view name = "rbres_model") {
   detail::check_namespace_name(name);
+  ModelFormat<Predictor<Network<T, Layers>, N>>::check(p);
   const std::vector<T> weights = detail::exported_weights(p.network, path);
   const auto numbers = [&](const char* what, const auto& vector) {
     return detail::array_text<T>(what, detail::text(path.string(), ": ", what),
@@ -69,13 +69,9 @@ void export_header(const Predictor<Network<T, Layers>, N>& p, const std::filesys
   const std::array<double, 6> forces{p.horizon,           flow.friction.density,
                                      flow.friction.drag,  flow.friction.rotational_drag,
                                      flow.damping.linear, flow.damping.angular};
-  detail::require_finite(path.string() + ": horizon, fluid and damping", forces.data(), forces.size());
-  detail::require_finite(path.string() + ": gravity", &flow.gravity.g.x, 3);
   std::string bodies;
   for (int b = 0; b < N; ++b)
-    bodies +=
-        detail::text(b == 0 ? "" : ",\n      ",
-                     detail::body_text(flow.system[b], detail::text("body ", b, " of a predictor's flow")));
+    bodies += detail::text(b == 0 ? "" : ",\n      ", detail::body_text(flow.system[b]));
   const auto number = [&](std::size_t i) { return detail::exact_literal(forces[i]); };
   const std::string text = detail::text(
       "// Written by rbres::export_header.\n#pragma once\n\n#include "

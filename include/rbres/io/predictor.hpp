@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <rbres/io/metadata.hpp>
 #include <rbres/io/model.hpp>
 #include <rbres/predict/predictor.hpp>
@@ -17,12 +18,26 @@ template <class Net, int N>
 struct ModelFormat<Predictor<Net, N>> {
   using Model = Predictor<Net, N>;
 
-  static void write(SafetensorsWriter& file, const Model& p) {
-    ModelFormat<Net>::write(file, p.network);
-    const Eigen::Matrix<double, 1, 1> horizon(p.horizon);
-    detail::require_within("horizon of a saved predictor", horizon, horizons);
+  /// Refuses what read() would not take.
+  static void check(const Model& p) {
+    detail::require_within("horizon of a saved predictor", Eigen::Matrix<double, 1, 1>(p.horizon), horizons);
     detail::require_within("input deviation of a saved predictor", p.input.deviation, deviations);
     detail::require_within("output deviation of a saved predictor", p.output.deviation, deviations);
+    detail::require_within("input mean of a saved predictor", p.input.mean, finite);
+    detail::require_within("output mean of a saved predictor", p.output.mean, finite);
+    const Forces forces = forces_of(p);
+    detail::require_within("gravity of a saved predictor", forces.head<3>(), finite);
+    detail::require_within("fluid and damping of a saved predictor", forces.tail<5>(), {0, finite.most});
+    for (int b = 0; b < N; ++b)
+      if (!(p.flow.system[b].shape_rotation() == Quat<double>{}))
+        detail::refuse(detail::text("body ", b, " of a saved predictor"), "a shape along the principal axes",
+                       "a turned one");
+  }
+
+  static void write(SafetensorsWriter& file, const Model& p) {
+    check(p);
+    ModelFormat<Net>::write(file, p.network);
+    const Eigen::Matrix<double, 1, 1> horizon(p.horizon);
     file.metadata["input_mean"] = detail::numbers_to_text(p.input.mean);
     file.metadata["input_deviation"] = detail::numbers_to_text(p.input.deviation);
     file.metadata["output_mean"] = detail::numbers_to_text(p.output.mean);
@@ -32,18 +47,11 @@ struct ModelFormat<Predictor<Net, N>> {
     Bodies bodies;
     for (int b = 0; b < N; ++b) {
       const auto& body = p.flow.system[b];
-      if (!(body.shape_rotation() == Quat<double>{})) {
-        detail::refuse(detail::text("body ", b, " of a saved predictor"), "a shape along the principal axes",
-                       "a turned one");
-      }
       bodies.col(b) << static_cast<double>(body.shape().index()), lengths(body.shape()), body.mass(),
           body.inertia().x, body.inertia().y, body.inertia().z;
     }
     file.metadata["flow_bodies"] = detail::numbers_to_text(bodies);
-    Forces forces;
-    forces << p.flow.gravity.g.x, p.flow.gravity.g.y, p.flow.gravity.g.z, p.flow.friction.density,
-        p.flow.friction.drag, p.flow.friction.rotational_drag, p.flow.damping.linear, p.flow.damping.angular;
-    file.metadata["flow_forces"] = detail::numbers_to_text(forces);
+    file.metadata["flow_forces"] = detail::numbers_to_text(forces_of(p));
   }
 
   static Model read(const SafetensorsReader& file) {
@@ -76,9 +84,18 @@ struct ModelFormat<Predictor<Net, N>> {
   }
 
  private:
-  static constexpr detail::Bounds horizons{1e-6, FreeFlow<N>::longest}, deviations{1e-30, 1e30};
+  static constexpr detail::Bounds horizons{FreeFlow<N>::shortest, FreeFlow<N>::longest},
+      deviations{1e-30, 1e30},
+      finite{-std::numeric_limits<double>::max(), std::numeric_limits<double>::max()};
   using Bodies = Eigen::Matrix<double, 8, N>;
   using Forces = Eigen::Matrix<double, 8, 1>;
+
+  static Forces forces_of(const Model& p) {
+    Forces forces;
+    forces << p.flow.gravity.g.x, p.flow.gravity.g.y, p.flow.gravity.g.z, p.flow.friction.density,
+        p.flow.friction.drag, p.flow.friction.rotational_drag, p.flow.damping.linear, p.flow.damping.angular;
+    return forces;
+  }
 
   static Eigen::Vector3d lengths(const AnyShape<double>& shape) {
     if (const auto* ball = std::get_if<Sphere<double>>(&shape)) return {ball->radius, 0, 0};

@@ -23,8 +23,8 @@ struct FreeFlow {
 
   /// Step of the fourth-order integration, s.
   static constexpr double step = 0.02;
-  /// The longest time that is followed, s.
-  static constexpr double longest = 3600;
+  /// The longest time that is followed, and a predictor's shortest horizon, s.
+  static constexpr double longest = 3600, shortest = 1e-6;
 
   /// The states after `duration` (s, at most `longest`); NaN for any other duration.
   SystemState<double, N> operator()(SystemState<double, N> y, const std::array<Wrench<double>, N>& wrench,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <rbres/nn/residual_network.hpp>
 #include <rbres/predict/encoding.hpp>
 #include <rbres/predict/free_flow.hpp>
@@ -57,12 +58,17 @@ class Predictor {
   };
 
   /// Many at once, which costs less than one by one: next[i] is the state `horizon` after states[i] under
-  /// wrenches[i]. Agrees with the above but for rounding; allocates nothing. Throws Error, before anything is
-  /// done, where the spans are not of one size or the batch has less room.
+  /// wrenches[i]; `next` may be `states` itself. Agrees with the above but for rounding; allocates nothing.
+  /// Throws Error, before anything is done, where the spans are not of one size, `next` begins elsewhere in
+  /// `states`, or the batch has less room.
   void predict(std::span<const State> states, std::span<const Wrenches> wrenches, std::span<State> next,
                Batch& batch, int present = N) const {
     if (states.size() != next.size())
       detail::refuse("states to predict from", detail::text(next.size()), states.size());
+    const std::less<const State*> before;
+    const State *from = states.data(), *to = next.data();
+    if (from != to && before(from, to + next.size()) && before(to, from + states.size()))
+      detail::refuse("room for predictions", "the states themselves, or none of them", "some of them");
     predict_each(
         [&](std::ptrdiff_t i) -> auto& { return states[static_cast<std::size_t>(i)]; }, wrenches, next, batch,
         present);
@@ -70,8 +76,9 @@ class Predictor {
   /// The same from one state: what each of several wrenches would lead to.
   void predict(const State& state, std::span<const Wrenches> wrenches, std::span<State> next, Batch& batch,
                int present = N) const {
+    const State from = state;  // which may be one of `next`
     predict_each(
-        [&](std::ptrdiff_t) -> auto& { return state; }, wrenches, next, batch, present);
+        [&](std::ptrdiff_t) -> auto& { return from; }, wrenches, next, batch, present);
   }
 
   /// Predictions of predictions: fills `states` with the states 1, 2, ... horizons later.

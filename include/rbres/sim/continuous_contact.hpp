@@ -50,6 +50,7 @@ class ContinuousContact {
     bool resolved = false;  // the impacts of this instant
     S longest = h;          // part that can be computed at once
     for (int event = 0; event < options_.max_events; ++event) {
+      lost = lost | impacts_.unresolved();  // bodies in a press: no impulse lets all points part
       MaskOf<S> running = (left > S(0)) & !lost;
       if (!any(running)) break;
       // No rest is left that is a rounding error: forces over such a part would be, too.

@@ -51,16 +51,26 @@ Transitions<N> simulate_transitions(const System<double, N, Shape>& system, cons
   if (count < 1) detail::refuse("number of starts", "1 or more", count);
   Transitions<N> all{options.duration, {}, {}};
   for (std::ptrdiff_t i = 0; i < count; ++i) {
-    all.starts.push_back(start(i));
-    for (auto& body : all.starts.back().state.body) detail::make_unit(body.orientation);
+    Start<N> one = start(i);
+    detail::naming([&] { return detail::text("start ", i, ": "); },
+                   [&] {
+                     check_state(system, one.state);
+                     for (std::size_t b = 0; b < N; ++b)
+                       for (int k = 0; k < Wrench<double>::size; ++k)
+                         if (const double x = (&one.wrench[b].force.x)[k]; !is_finite(x))
+                           detail::refuse(detail::text("wrench of body ", b), "finite numbers", x);
+                   });
+    for (auto& body : one.state.body) detail::make_unit(body.orientation);
+    all.starts.push_back(one);
   }
   all.ends.resize(all.starts.size());
   std::vector<char> lost(all.starts.size());
   const auto at = [&](std::ptrdiff_t i) -> const Start<N>& {
     return all.starts[static_cast<std::size_t>(i)];
   };
+  options.check();
   SimulationOptions plan = options;
-  if (options.duration > 0) plan.sample_rate = 1 / options.duration;
+  plan.sample_rate = options.duration >= options.step ? 1 / options.duration : 0;
   simulate_batch<Lanes>(
       system, count, [&](std::ptrdiff_t i) { return at(i).state; },
       [&](const auto& lanes) {
