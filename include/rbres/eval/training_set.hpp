@@ -131,6 +131,7 @@ class TrainingSet {
       predictor.output = Normalizer<T, Code::outputs>::fit(
           targets_.rightCols(n - first_train),
           [&](Eigen::Index r, Eigen::Index c) { return r < 13 * source.present(first_train + c); });
+      quieten(predictor.output.deviation);
     }
     each_block(n, threads, [&](Eigen::Index c) {
       const int present = source.present(c);
@@ -138,6 +139,23 @@ class TrainingSet {
       targets_.col(c) = predictor.output.normalize(targets_.col(c));
       targets_.col(c).tail(Code::outputs - 13 * present).setZero();
     });
+  }
+
+  /// A number that varies less than a thousandth as much as others of its kind (positions, orientations,
+  /// velocities, spins) is noise of the simulation: it counts as if it varied so much. Those that do not vary
+  /// have a deviation of 1.
+  static void quieten(Eigen::Matrix<T, Code::outputs, 1>& deviation) {
+    constexpr int kinds[] = {0, 3, 7, 10, 13};
+    for (int k = 0; k < 4; ++k) {
+      const auto each = [&](const auto& f) {
+        for (int b = 0; b < Predictor::bodies; ++b)
+          for (int i = kinds[k]; i < kinds[k + 1]; ++i)
+            if (T& d = deviation[13 * b + i]; d != T(1)) f(d);
+      };
+      T most(0);
+      each([&](T& d) { most = std::max(most, d); });
+      each([&](T& d) { d = std::max(d, most / 1000); });
+    }
   }
 
   static void expect_sane(const char* what, Eigen::Index scenario, const double* numbers, int count) {
