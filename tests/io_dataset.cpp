@@ -209,7 +209,7 @@ TEST_CASE("a data set of the format before, or that is half made by another buil
   check_refused("dataset.json: format: expected 2, found 3");
   replaced(valid, "continuous", "discrete");
   check_refused("contacts: expected \"continuous\", found \"discrete\"");
-  const std::string lanes = "\"lanes\": " + std::to_string(detail::truth_lanes);
+  const std::string lanes = "\"lanes\": " + std::to_string(detail::double_lanes);
   replaced(valid, lanes, "\"lanes\": 64");
   CHECK(error_of([&] { read_dataset(path, sampler, few, horizons); }) == "");  // done: nothing is mixed
 

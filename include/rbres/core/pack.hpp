@@ -188,4 +188,11 @@ struct ScalarTraits<Pack<T, N>> {
 template <class T>
 inline constexpr int native_lanes = detail::register_bytes / int(sizeof(T));
 
+namespace detail {
+
+/// Simulations in double at a time; lanes decide the last bits, so there are some on every processor.
+inline constexpr int double_lanes = native_lanes<double> > 2 ? native_lanes<double> : 2;
+
+}  // namespace detail
+
 }  // namespace rbres

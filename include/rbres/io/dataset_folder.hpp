@@ -48,7 +48,7 @@ inline Json dataset_build() {
 #else
   constexpr bool optimized = false;
 #endif
-  return {{"lanes", truth_lanes}, {"fma", fma}, {"optimized", optimized}, {"compiler", __VERSION__}};
+  return {{"lanes", double_lanes}, {"fma", fma}, {"optimized", optimized}, {"compiler", __VERSION__}};
 }
 
 /// A folder with a data set in it, or to make one in.

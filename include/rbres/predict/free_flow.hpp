@@ -38,7 +38,7 @@ struct FreeFlow {
   template <class Start, class WrenchOf, class Next>
   void each(std::ptrdiff_t count, const Start& start, const WrenchOf& wrench, double duration,
             const Next& next) const noexcept {
-    constexpr int L = std::max(native_lanes<double>, 2);
+    constexpr int L = detail::double_lanes;
     using S = Pack<double, L>;
     const auto lanes = [&]<std::size_t... I>(std::index_sequence<I...>) {
       return rbres::System<S, N>({system[I].template cast<S>()...});

@@ -46,7 +46,7 @@ class ContinuousContact {
     impacts_.start_step();
     search_.start_part();
     S left = h, now = t;
-    MaskOf<S> lost(false);  // goes too far for one step
+    MaskOf<S> lost(false);  // too far for one step, or without an end of impacts
     bool resolved = false;  // the impacts of this instant
     S longest = h;          // part that can be computed at once
     for (int event = 0; event < options_.max_events; ++event) {
@@ -121,7 +121,8 @@ class ContinuousContact {
         // Forces that are constant over a part, and the interpolation that finds impacts, are off by the
         // third and fourth power of its duration: where bodies end too deep, it must be shorter.
         const S shortest = as<S>(1.0 / 512) * h;
-        const MaskOf<S> deep = running & (ahead > shortest) & (resting_.sunk(pairs, part.end, cut) > S(1));
+        const MaskOf<S> divides = ahead > shortest, sinks = resting_.sunk(pairs, part.end, cut) > S(1);
+        const MaskOf<S> deep = running & divides & sinks;
         if (any(deep)) {
           longest = select(deep, maximum(S(as<S>(0.5) * ahead), shortest), longest);
           resolved = true;

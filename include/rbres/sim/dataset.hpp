@@ -37,14 +37,11 @@ struct TruthOptions {
 
 namespace detail {
 
-/// How many scenarios truth is made of at a time, in lanes: it decides the last bits.
-inline constexpr int truth_lanes = std::max(native_lanes<double>, 2);
-
 /// Simulates `count` scenarios at(i) of N bodies each, in lanes; see(sample) as in simulate_batch.
 template <BodySet Set, int N, class At, class See>
 void simulate_lanes(World world, std::ptrdiff_t count, const At& at, const SimulationOptions& options,
                     const See& see, int threads) {
-  using S = Pack<double, truth_lanes>;
+  using S = Pack<double, double_lanes>;
   simulate_batch<S>(
       scenario_system<Set, N>(world), count,
       [&](std::ptrdiff_t i) {

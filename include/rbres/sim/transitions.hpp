@@ -2,7 +2,6 @@
 
 #include <rbres/sim/batch.hpp>
 
-#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <vector>
@@ -47,8 +46,9 @@ Transitions<N> simulate_transitions(const System<double, N, Shape>& system, cons
                                     const Integrator& integrator, std::ptrdiff_t count,
                                     const MakeStart& start, const SimulationOptions& options,
                                     int threads = 0) {
-  using Lanes = Pack<double, std::max(native_lanes<double>, 2)>;
+  using Lanes = Pack<double, detail::double_lanes>;
   if (count < 1) detail::refuse("number of starts", "1 or more", count);
+  options.check();
   Transitions<N> all{options.duration, {}, {}};
   for (std::ptrdiff_t i = 0; i < count; ++i) {
     Start<N> one = start(i);
@@ -68,7 +68,6 @@ Transitions<N> simulate_transitions(const System<double, N, Shape>& system, cons
   const auto at = [&](std::ptrdiff_t i) -> const Start<N>& {
     return all.starts[static_cast<std::size_t>(i)];
   };
-  options.check();
   SimulationOptions plan = options;
   plan.sample_rate = options.duration >= options.step ? 1 / options.duration : 0;
   simulate_batch<Lanes>(
