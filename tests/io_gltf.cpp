@@ -292,6 +292,58 @@ struct TurnedBox {
 };
 }  // namespace
 
+namespace {
+/// Where the file's camera sees a point of the world: in units of half the picture's height, and how far
+/// away.
+Eigen::Vector3d seen(const GlbFile& file, const Eigen::Vector3d& point) {
+  REQUIRE(file.document["cameras"].size() == 1);
+  const json& camera = file.document["cameras"][0];
+  CHECK(camera["type"] == "perspective");
+  const double half = camera["perspective"]["yfov"].get<double>() / 2;
+  CHECK((half > 0 && half < std::numbers::pi / 2));
+  CHECK(camera["perspective"]["znear"].get<double>() > 0);
+  const json& node = file.node("camera");
+  CHECK(node["camera"] == 0);
+  const auto r = node["rotation"].get<std::vector<double>>(),
+             t = node["translation"].get<std::vector<double>>();
+  const Eigen::Quaterniond turned(r[3], r[0], r[1], r[2]);
+  CHECK(turned.norm() == doctest::Approx(1).epsilon(1e-12));
+  const Eigen::Vector3d p = turned.conjugate() * (point - Eigen::Vector3d(t[0], t[1], t[2]));
+  CHECK(-p.z() > camera["perspective"]["znear"].get<double>());
+  return {p.x() / (-p.z() * std::tan(half)), p.y() / (-p.z() * std::tan(half)), -p.z()};
+}
+}  // namespace
+
+TEST_CASE("a camera sees all of the first motion and where others begin, from above") {
+  const TemporaryFolder folder;
+  for (const double size : {1.0, 1e-3, 1e5}) {
+    Motion motion = turning(9);
+    for (auto& state : motion.states)
+      for (auto& body : state.body) body.position = size * body.position;
+    const Vec3<double> offset{6 * size, 0, size};
+    GltfScene scene;
+    scene.add_motion("a", three_bodies(), motion.times, motion.states);
+    scene.add_motion("b", three_bodies(), motion.times, motion.states, {.offset = offset});
+    scene.write(folder / "a.glb");
+    const GlbFile file(folder / "a.glb");
+    double farthest = 0;
+    const auto look = [&](const Vec3<double>& at) {
+      const Eigen::Vector3d found = seen(file, {at.x, at.y, at.z});
+      farthest = std::max({farthest, std::abs(found.x()), std::abs(found.y())});
+    };
+    for (const auto& state : motion.states)
+      for (const auto& body : state.body) look(body.position);
+    for (const auto& body : motion.states.front().body) look(offset + body.position);
+    CHECK(farthest < 1);
+    if (size >= 1)
+      CHECK(farthest > 0.2);  // and from no farther than that needs, bodies of half a metre included
+    const Eigen::Vector3d middle{4 * size, 0, 4 * size}, up{0, 0, size};
+    CHECK(seen(file, middle + up).y() > seen(file, middle).y());  // the picture stands upright,
+    CHECK(seen(file, middle + up).z() < seen(file, middle).z());  // and is seen from above
+    CHECK(std::abs(seen(file, middle + up).x() - seen(file, middle).x()) < 0.05);
+  }
+}
+
 TEST_CASE("meshes have their bodies' sizes, in the body's own frame") {
   const TemporaryFolder folder;
   const auto extent = [&](const auto& system, const Eigen::Vector3d& half) {

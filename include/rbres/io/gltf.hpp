@@ -1,9 +1,12 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
 #include <filesystem>
+#include <limits>
+#include <numbers>
 #include <span>
 #include <string>
 #include <utility>
@@ -30,7 +33,8 @@ struct GltfStyle {
 
 /// Motions to look at, as a glTF 2.0 animation in one file (.glb) that any viewer opens. The world's z points
 /// up in the viewer, one unit is one metre, one second one second; between samples viewers interpolate
-/// linearly (positions) and on the shortest arc (orientations).
+/// linearly (positions) and on the shortest arc (orientations). A camera sees all of the first motion and
+/// where the others begin, obliquely from above.
 class GltfScene {
  public:
   GltfScene() {
@@ -39,6 +43,11 @@ class GltfScene {
     // From z up to y up, the format's own: a quarter turn about -x.
     const double half = std::sqrt(0.5);
     file_.append("nodes", {{"name", "world"}, {"rotation", {-half, 0.0, 0.0, half}}});
+    file_.append("cameras",
+                 {{"type", "perspective"}, {"perspective", {{"yfov", field_of_view}, {"znear", 0.1}}}});
+    const Quat<double>& q = camera_rotation_;
+    camera_ = file_.append("nodes", {{"name", "camera"}, {"camera", 0}, {"rotation", {q.x, q.y, q.z, q.w}}});
+    file_.json["nodes"][0]["children"].push_back(camera_);
   }
 
   /// Adds the bodies of `system`, moving through states[k] at times[k] (s). Throws Error, and adds nothing,
@@ -65,12 +74,15 @@ class GltfScene {
           body.shape(), [&](const auto& shape) { return detail::mesh_of(shape, rotation); });
       const std::size_t node = file_.append(
           "nodes", {{"name", detail::text(name, " ", i)}, {"mesh", append_mesh(mesh, materials)}});
-      const Track& own = tracks[static_cast<std::size_t>(i)];
+      Track& own = tracks[static_cast<std::size_t>(i)];
       animate(node, "translation", time, file_.append_accessor(own.positions, 3, detail::GltfTarget::none));
       animate(node, "rotation", time, file_.append_accessor(own.rotations, 4, detail::GltfTarget::none));
       children.push_back(node);
+      for (std::size_t v = 0; v < mesh.positions.size(); v += 3)
+        own.radius = std::max(own.radius, norm(vector(mesh.positions, v)));
     }
     append_group(name, style.offset, std::move(children));
+    look_at(tracks, style.offset);
   }
 
   /// Adds the faces of planes (of a room, a floor) as far as `half_width` (m) from the world's origin along
@@ -97,6 +109,7 @@ class GltfScene {
  private:
   struct Track {
     std::vector<float> positions, rotations;
+    double radius = 0;  ///< of the body, m
   };
 
   static std::vector<float> checked_times(const std::string& what, std::span<const double> times,
@@ -192,6 +205,32 @@ class GltfScene {
     return file_.append("meshes", {{"primitives", std::move(primitives)}});
   }
 
+  static Vec3<double> vector(const std::vector<float>& numbers, std::size_t at) {
+    return {static_cast<double>(numbers[at]), static_cast<double>(numbers[at + 1]),
+            static_cast<double>(numbers[at + 2])};
+  }
+
+  /// Moves the camera back until it sees these, too: all of the first motion's positions, the first of
+  /// another's.
+  void look_at(const std::vector<Track>& tracks, const Vec3<double>& offset) {
+    const bool is_first = !(seen_low_.x <= seen_high_.x);
+    for (const Track& body : tracks) {
+      const Vec3<double> reach{body.radius, body.radius, body.radius};
+      for (std::size_t k = 0; k < (is_first ? body.positions.size() : 3); k += 3) {
+        const Vec3<double> at = offset + vector(body.positions, k), low = at - reach, high = at + reach;
+        seen_low_ = {std::min(seen_low_.x, low.x), std::min(seen_low_.y, low.y),
+                     std::min(seen_low_.z, low.z)};
+        seen_high_ = {std::max(seen_high_.x, high.x), std::max(seen_high_.y, high.y),
+                      std::max(seen_high_.z, high.z)};
+      }
+    }
+    const double distance = 0.5 * norm(seen_high_ - seen_low_) / std::sin(field_of_view / 2);
+    const Vec3<double> eye =
+        0.5 * (seen_low_ + seen_high_) + distance * rotate(camera_rotation_, Vec3<double>{0, 0, 1});
+    file_.json["nodes"][camera_]["translation"] = {eye.x, eye.y, eye.z};
+    file_.json["cameras"][0]["perspective"]["znear"] = 0.01 * distance;
+  }
+
   void append_group(const std::string& name, const Vec3<double>& offset, nlohmann::json children) {
     const std::size_t group = file_.append(
         "nodes",
@@ -208,7 +247,16 @@ class GltfScene {
         {{"sampler", samplers.size() - 1}, {"target", {{"node", node}, {"path", path}}}});
   }
 
+  static constexpr double infinity = std::numeric_limits<double>::infinity();
+  static constexpr double field_of_view = 0.7;  ///< rad, from bottom to top
+
   detail::GltfFile file_;
+  std::size_t camera_ = 0;  ///< its node
+  /// From looking down along -z: raised by 60 degrees about x, then turned by 30 about z to see two sides.
+  Quat<double> camera_rotation_ =
+      Quat<double>{0, 0, std::sin(std::numbers::pi / 12), std::cos(std::numbers::pi / 12)} *
+      Quat<double>{std::sin(std::numbers::pi / 6), 0, 0, std::cos(std::numbers::pi / 6)};
+  Vec3<double> seen_low_{infinity, infinity, infinity}, seen_high_{-infinity, -infinity, -infinity};  ///< m
 };
 
 }  // namespace rbres
