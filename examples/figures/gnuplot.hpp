@@ -86,7 +86,7 @@ inline bool draw_agreement(const Figure& figure, const std::vector<double>& actu
   settings << "set size square\nset xrange [" << low << ":" << high << "]\nset yrange [" << low << ":" << high
            << "]\nset samples 2\n";
   plot << "'+' using 1:($1-" << band << "):($1+" << band
-       << ") with filledcurves fillcolor '#E69F00' fillstyle transparent solid 0.35 noborder title '± "
+       << ") with filledcurves fillcolor '#E69F00' fillstyle transparent solid 0.35 noborder title '+- "
        << band << ' ' << unit << "', " << detail::quoted(figure.name + ".dat")
        << " with points pointtype 7 pointsize 0.3 linecolor rgb '#A00072B2' title 'predictions', x-" << band
        << " with lines linewidth 0.7 linecolor '#E69F00' notitle, x+" << band

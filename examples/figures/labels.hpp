@@ -42,9 +42,7 @@ inline constexpr double label_height = 13, label_character = 6.6;  // at 9 point
 inline constexpr double leader_length = 14;
 
 inline double label_width(const std::string& text) {
-  const auto characters = std::count_if(
-      text.begin(), text.end(), [](char c) { return (static_cast<unsigned char>(c) & 0xC0) != 0x80; });
-  return label_character * static_cast<double>(characters);
+  return label_character * static_cast<double>(text.size());
 }
 
 /// Whether a label may stand there: it covers no obstacle, and the line from its spot, where it needs one,

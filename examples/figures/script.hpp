@@ -60,7 +60,7 @@ inline void same_size(const Figure& figure, std::size_t x, std::size_t y) {
 /// What all figures share.
 inline std::string preamble(const Figure& figure) {
   std::ostringstream out;
-  out << "reset\nset encoding utf8\n"
+  out << "reset\n"
       << "set title " << quoted(figure.title) << " noenhanced font ',13'\n"
       << "set xlabel " << quoted(figure.x_label) << " noenhanced\n"
       << "set ylabel " << quoted(figure.y_label) << " noenhanced\n"
@@ -93,6 +93,10 @@ inline bool draw(const Figure& figure, const std::string& data, const std::strin
          << "\nset terminal svg enhanced font 'DejaVu Sans,11' fontscale 1.3 background '#ffffff' size "
          << canvas_width << "," << canvas_height << "\nset output " << quoted(figure.name + ".svg")
          << "\nreplot\nunset output\n";
+  // In a locale that is not UTF-8 gnuplot warns of other characters, and draws others.
+  for (const char c : data + script.str())
+    if (static_cast<unsigned char>(c) > 127)
+      rbres::detail::refuse("figure " + figure.name, "names and labels in ASCII", "other characters");
   std::filesystem::create_directories(figure.folder);
   write_file(figure.folder / (figure.name + ".dat"), data);
   const std::string script_name = figure.name + ".gp";

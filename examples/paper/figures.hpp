@@ -59,7 +59,7 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
     }
     drawn &= figures::draw_trade_off(
         figure("error_against_cost-" + label, "Error against cost, " + ahead.str(),
-               "microseconds per scenario, one thread", "mean square position error, m²"),
+               "microseconds per scenario, one thread", "mean square position error, m^2"),
         {rk4, trivial, networks});
 
     // Rollouts.
@@ -69,8 +69,8 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
         curves.push_back({method, results["rollout"][label]["time"], numbers(m["position"])});
     }
     drawn &= figures::draw_curves(
-        figure("rollout-" + label, "Rollouts, " + where, "time, s", "mean square position error, m²"), curves,
-        {.log_y = true});
+        figure("rollout-" + label, "Rollouts, " + where, "time, s", "mean square position error, m^2"),
+        curves, {.log_y = true});
 
     const Unit* unit = shown_unit(plan, world, BodySet::standard, h);
     if (unit == nullptr) continue;
@@ -103,7 +103,7 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
       add(2, baselines["RK4 20 ms"]["families"][family]);
     }
     drawn &= figures::draw_quartiles(figure("families-" + label, "Quartiles over scenarios, " + ahead.str(),
-                                            "", "mean square position error, m²"),
+                                            "", "mean square position error, m^2"),
                                      families, series);
   }
   std::printf("Figures: %s%s\n", folder.c_str(), drawn ? "" : (" " + figures::how_to_draw(folder)).c_str());
