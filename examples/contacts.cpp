@@ -179,11 +179,10 @@ int main(int argc, char** argv) {
       "distance and angle over scenes and bodies. "
       "<rbres/io/trajectories.hpp> says what the folders hold."};
   app.add_option("FOLDER", options.folder, "holds train/ and test/")->required();
-  app.add_option("--scenes", options.scenes, "train on the first N scenes")->check(CLI::PositiveNumber);
-  app.add_option("--seed", options.seed, "of the learned law")->capture_default_str();
-  app.add_option("--minutes", options.minutes, "for all; of what fits leave, the hybrid has three tenths")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
+  number(app, "--scenes", options.scenes, 0, 1'000'000, "train on the first so many scenes; 0: on all");
+  seed_number(app, "--seed", options.seed, "of the learned law");
+  number(app, "--minutes", options.minutes, 1e-3, 1e6,
+         "for all; of what fits leave, the hybrid has three tenths");
   app.add_option("--model", options.model, "save the learned law to this file");
   app.add_flag("--json", options.json, "print a JSON array instead of the table");
   return run_program("rbres_contacts", app, argc, argv, [&] { run(options); });

@@ -156,16 +156,10 @@ int main(int argc, char** argv) {
   app.add_option("FOLDER", options.folder, "where the sets go")->required();
   app.add_flag("--boxes", options.boxes, "boxes and balls instead of balls alone");
   app.add_flag("--rbres", options.rbres, "by rbres instead of MuJoCo");
-  app.add_option("--bodies", options.bodies, "in a scene")->check(CLI::Range(1, 1000))->capture_default_str();
-  app.add_option("--train", options.train, "scenes to train on")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
-  app.add_option("--test", options.test, "scenes to test on")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
-  app.add_option("--frames", options.frames, "of 10 ms after the first")
-      ->check(CLI::PositiveNumber)
-      ->capture_default_str();
-  app.add_option("--seed", options.seed)->capture_default_str();
+  number(app, "--bodies", options.bodies, 1, 1000, "in a scene");
+  number(app, "--train", options.train, 1, 1'000'000, "scenes to train on");
+  number(app, "--test", options.test, 1, 1'000'000, "scenes to test on");
+  number(app, "--frames", options.frames, 1, 1'000'000, "of 10 ms after the first");
+  seed_number(app, "--seed", options.seed, "of how they are thrown");
   return run_program("rbres_contacts_mujoco", app, argc, argv, [&] { run(options); });
 }

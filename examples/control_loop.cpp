@@ -1,9 +1,6 @@
 // A learned predictor in a control loop: a ball bounces about a room with others, and sideways pushes are to
 // keep it over a mark on the floor. Ten times a second the loop predicts what each of nine pushes would lead
 // to, and gives the best one. Deciding allocates nothing, which is proven by counting.
-//     control_loop [MODEL]     a model of rbres_train --world room --network shallow; none: trains one for
-//     some
-//                              seconds
 #include <chrono>
 #include <cstdio>
 #include <exception>
@@ -11,10 +8,20 @@
 #include <rbres/rbres.hpp>
 
 #include "common/count_allocations.hpp"
+#include "common/help.hpp"
 
 namespace {
 
 using namespace rbres;
+
+constexpr const char* usage =
+    "usage: control_loop [MODEL] [--help]\n"
+    "Pushes a ball about a room to keep it over a mark, by what a learned predictor says of each push, and "
+    "prints how\n"
+    "near it stays and how long deciding takes.\n"
+    "  MODEL  a model of rbres_train --world room --network shallow; none: trains one for some seconds\n"
+    "Exit status: 0; 1 where deciding allocates; 2 with one line that says what is wrong.\n";
+
 using Net = Network<float, Sequential<Linear<95, 256>, Relu, Linear<256, 256>, Relu, Linear<256, 65>>>;
 using BallPredictor = Predictor<Net, 5>;
 constexpr auto balls = BodySet::standard;
@@ -91,6 +98,9 @@ long steer(const char* how, double period, const Decide& decide) {
 }  // namespace
 
 int main(int argc, char** argv) try {
+  if (asks_for_help(argc, argv)) return print_help(usage);
+  for (int i = 1; i < argc; ++i)
+    if (i > 1 || argv[i][0] == '-') return refuse_argument(argv, argv[i]);
   const BallPredictor predictor = argc > 1 ? loaded(argv[1]) : trained();
   const ContactFree flow{predictor.flow, predictor.horizon};
   const auto network = [&](const auto&... at) { return predictor.predict(at...); };

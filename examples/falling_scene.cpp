@@ -1,17 +1,16 @@
 // Spheres, boxes and capsules fall on a floor, bounce, and settle.
 #include <cstdio>
-#include <cstring>
 #include <rbres/rbres.hpp>
+
+#include "common/help.hpp"
 
 using namespace rbres;
 
 int main(int argc, char** argv) {
-  if (argc > 1) {
-    std::puts(
-        "usage: rbres_falling_scene [--help]\n"
+  if (argc > 1)
+    return answer(
+        argc, argv,
         "Drops six bodies on a floor and prints ten times a second how high each is, and their speed.");
-    return std::strcmp(argv[1], "--help") == 0 ? 0 : 2;
-  }
 
   const Material<double> rubber{0.6, 0.5};  // restitution, friction
   const Body<double> sphere = Body{Sphere{0.10}, 1.0, rubber};

@@ -55,6 +55,6 @@ int main(int argc, char** argv) {
   CLI::App app{
       "Finds the restitution of a thrown ball from its recorded path, by derivatives through impacts."};
   double truth = 0.2;
-  app.add_option("--truth", truth, "the restitution of the ball that is recorded")->capture_default_str();
+  number(app, "--truth", truth, 0.0, 1.0, "the restitution of the ball that is recorded");
   return run_program("find_restitution", app, argc, argv, [&] { find_restitution(path(truth)); });
 }

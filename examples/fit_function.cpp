@@ -3,11 +3,16 @@
 #include <cmath>
 #include <cstdio>
 
+#include "common/help.hpp"
+
 // Fits a network to a function of two variables, and prints the loss as it falls.
 
 using namespace rbres;
 
-int main() {
+int main(int argc, char** argv) {
+  if (argc > 1)
+    return answer(argc, argv, "Fits a network to a function of two variables and prints its loss.");
+
   constexpr int count = 2000;
   Eigen::MatrixXf inputs(2, count), targets(1, count);
   Random random(1);

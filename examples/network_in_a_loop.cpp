@@ -5,13 +5,19 @@
 #include <cstdio>
 
 #include "common/count_allocations.hpp"
+#include "common/help.hpp"
 
 // Trains a network to predict the next state of a pendulum, then runs it in a loop that allocates nothing,
 // and proves it by counting.
 
 using namespace rbres;
 
-int main() {
+int main(int argc, char** argv) {
+  if (argc > 1)
+    return answer(
+        argc, argv,
+        "Trains a network to predict a pendulum, runs it in a loop, and counts what that allocates.");
+
   constexpr float step = 0.05f;
   const auto next =
       [](Eigen::Vector2f s) {  // angle in rad, angular velocity in rad/s; semi-implicit Euler in small steps

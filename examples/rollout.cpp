@@ -208,26 +208,23 @@ int main(int argc, char** argv) {
       "errors over\n"
       "time; writes both trajectories as NAME.npy and NAME_truth.npy, and as a glTF 2.0 animation, "
       "NAME.glb."};
-  // A number below 0 would be read as a large one.
-  const auto not_negative = [](const std::string& number) {
-    return number.starts_with('-') ? "expected a number of 0 or more, found " + number : std::string();
-  };
   Options options;
   const paper::Plan quick = paper::quick_plan();
-  options.model = "rbres_paper_quick/models/" + paper::name(quick.units.front(), quick) + ".safetensors";
+  const std::string demonstration =
+      "out/demo/models/" + paper::name(quick.units.front(), quick) + ".safetensors";  // by README's command
+  options.model = demonstration;
   app.add_option("--model", options.model, "a model that rbres_paper or rbres_train trained")
       ->capture_default_str();
-  app.add_option("--scenario", options.scenario,
-                 "number of the scenario; of seed 1, the first tenth of those that the\n"
-                 "model was made with were never trained on")
-      ->check(not_negative)
-      ->capture_default_str();
-  app.add_option("--seed", options.seed, "of the scenarios")->check(not_negative)->capture_default_str();
-  app.add_option("--seconds", options.seconds, "how far, s; at most 600")
-      ->check(CLI::Range(0.0, 600.0))
-      ->capture_default_str();
+  seed_number(app, "--scenario", options.scenario,
+              "number of the scenario; of seed 1, the first tenth of those that the\n"
+              "model was made with were never trained on");
+  seed_number(app, "--seed", options.seed, "of the scenarios");
+  number(app, "--seconds", options.seconds, 0.0, 600.0, "how far, s");
   app.add_option("--out", options.out, "NAME of the files written")->capture_default_str();
   return run_program("rbres_rollout", app, argc, argv, [&] {
+    if (options.model == demonstration && !std::filesystem::exists(demonstration))
+      throw Error("--model: there is no " + demonstration +
+                  "; rbres_paper --quick --out out/demo makes it, or name another");
     const AnyPredictor predictor = load_any(options.model);
     predictor.set == BodySet::standard ? roll_out<BodySet::standard>(options, predictor)
                                        : roll_out<BodySet::box>(options, predictor);

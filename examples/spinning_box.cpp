@@ -2,9 +2,13 @@
 #include <cstdio>
 #include <rbres/rbres.hpp>
 
+#include "common/help.hpp"
+
 using namespace rbres;
 
-int main() {
+int main(int argc, char** argv) {
+  if (argc > 1) return answer(argc, argv, "Spins a box about its middle axis for 20 s and prints its spin.");
+
   // One box of 2 kg, 40 x 20 x 10 cm, and no force at all.
   const System<double, 1> system{{Body{Box{0.20, 0.10, 0.05}, 2.0}}};
   const auto nothing = [](const auto&, const auto&) { return Wrench<double>{}; };

@@ -8,6 +8,7 @@
 #include <rbres/learn/identify.hpp>
 #include <rbres/learn/learn_contacts.hpp>
 
+#include "common/help.hpp"
 #include "common/scenes.hpp"
 #include "tosses/score.hpp"
 #include "tosses/toss.hpp"
@@ -123,21 +124,21 @@ void run(const std::filesystem::path& folder, std::filesystem::path test_file, b
 int main(int argc, char** argv) {
   std::string folder, test_file;
   bool json = false;
+  if (asks_for_help(argc, argv)) return print_help(usage);
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
-    if (argument == "--help") {
-      std::fputs(usage, stdout);
-      return 0;
-    } else if (argument == "--json") {
+    if (argument == "--json") {
       json = true;
-    } else if (argument == "--test" && i + 1 < argc) {
+    } else if (argument == "--test") {
+      if (i + 1 == argc || argv[i + 1][0] == '-') {
+        std::fputs("rbres_tosses: no file after --test; see --help\n", stderr);
+        return 2;
+      }
       test_file = argv[++i];
     } else if (folder.empty() && !argument.starts_with("-")) {
       folder = argument;
     } else {
-      std::fprintf(stderr, "rbres_tosses: %s %s; see --help\n",
-                   argument == "--test" ? "no file after" : "unexpected argument", argument.c_str());
-      return 2;
+      return refuse_argument(argv, argv[i]);
     }
   }
   if (folder.empty()) {

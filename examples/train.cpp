@@ -1,14 +1,11 @@
-// Simulates, trains, evaluates and saves one predictor, by the protocol of arXiv 2407.18798 unless told
-// otherwise.
+// Simulates, trains, evaluates and saves one predictor.
 #include "train/run.hpp"
 
 int main(int argc, char** argv) {
   CLI::App app{
-      "Simulates scenarios, trains a network to predict them, and saves the model. Defaults are those of "
-      "arXiv\n"
-      "2407.18798. Prints the errors on a tenth of the scenarios that the network never saw, beside those of "
-      "the\n"
-      "contact-free flow. Overwrites no file."};
+      "Simulates scenarios, trains a network to predict them, and saves the model. Prints the errors on a\n"
+      "tenth of the scenarios, which the network never saw, beside those of the contact-free flow.\n"
+      "Overwrites no file."};
   train::Options o;
   train::add_options(app, o);
   return run_program("rbres_train", app, argc, argv, [&] {

@@ -1,6 +1,7 @@
 // Checks this build of rbres against closed forms, conservation laws and published reference cases.
 #include <cstring>
 
+#include "common/help.hpp"
 #include "validate/free_motion.hpp"
 #include "validate/impacts.hpp"
 #include "validate/invariants.hpp"
@@ -20,21 +21,15 @@ constexpr const char* usage =
 int main(int argc, char** argv) {
   bool json = false;
   const char* file = nullptr;
+  if (asks_for_help(argc, argv)) return print_help(usage);
   for (int i = 1; i < argc; ++i) {
-    if (std::strcmp(argv[i], "--help") == 0) {
-      std::fputs(usage, stdout);
-      return 0;
-    }
-    if (std::strcmp(argv[i], "--json") != 0) {
-      std::fprintf(stderr, "unknown argument %s\n%s", argv[i], usage);
-      return 2;
-    }
+    if (std::strcmp(argv[i], "--json") != 0) return refuse_argument(argv, argv[i]);
     json = true;
     if (i + 1 < argc && argv[i + 1][0] != '-') file = argv[++i];
   }
   std::FILE* out = stdout;
   if (file != nullptr && (out = std::fopen(file, "w")) == nullptr) {
-    std::fprintf(stderr, "cannot write %s\n", file);
+    std::fprintf(stderr, "rbres_validate: cannot write %s\n", file);
     return 2;
   }
 
@@ -48,7 +43,7 @@ int main(int argc, char** argv) {
   if (!json || file != nullptr) validate::print_table(rows, stdout);
   if (json) validate::print_json(rows, out);
   if (file != nullptr && std::fclose(out) != 0) {
-    std::fprintf(stderr, "cannot write %s\n", file);
+    std::fprintf(stderr, "rbres_validate: cannot write %s\n", file);
     return 2;
   }
   for (const auto& row : rows) {

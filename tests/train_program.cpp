@@ -154,7 +154,7 @@ TEST_CASE("what is wrong costs one line and no file") {
   CHECK(contains(error("--network huge"),
                  "--network: expected one of forward4, residual10, residual4, shallow"));
   CHECK(contains(error("--world mars"), "--world: expected one of free, room, found mars"));
-  CHECK(contains(error("--out new --horizon 0.03"), "horizon 0: expected"));
+  CHECK(contains(error("--out new --horizon 0.03"), "expected a whole number of frames of 20 ms"));
   CHECK(contains(error(""), "--out: model.safetensors exists"));
   CHECK(contains(error("--out new --json table"), "--json: table exists"));
   CHECK(contains(error("--out ''"), "--out: expected the name of a file"));

@@ -13,6 +13,7 @@ inline std::string with(const std::string& changed) {
   std::string all = changed;
   for (const auto& [option, value] : {std::pair{"--network", "shallow"},
                                       {"--world", "room"},
+                                      {"--target", "state"},
                                       {"--horizon", "0.1"},
                                       {"--scenarios", "100"},
                                       {"--epochs", "2"},

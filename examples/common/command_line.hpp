@@ -2,7 +2,31 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <charconv>
 #include <cstdio>
+#include <rbres/core/error.hpp>
+
+/// Adds an option, or a positional argument, that is a number within bounds; what is no number is out of
+/// them.
+template <class T>
+CLI::Option* number(CLI::App& app, const std::string& option, T& value, T least, T most,
+                    const std::string& help) {
+  return app.add_option(option, value, help)
+      ->check([least, most](const std::string& text) {
+        T found{};
+        const char* end = text.data() + text.size();
+        const auto [stopped, problem] = std::from_chars(text.data(), end, found);
+        if (problem == std::errc() && stopped == end && found >= least && found <= most) return std::string();
+        return rbres::detail::text("expected a number from ", least, " to ", most, ", found ", text);
+      })
+      ->capture_default_str();
+}
+
+/// Adds an option for the seed of random numbers.
+inline void seed_number(CLI::App& app, const std::string& option, std::uint64_t& value,
+                        const std::string& help) {
+  number(app, option, value, std::uint64_t{0}, std::uint64_t{1} << 63, help);
+}
 
 /// Reads the command line, then runs. The exit status: 0, or 2 after one line that says what is wrong.
 template <class Run>

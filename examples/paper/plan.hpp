@@ -48,7 +48,7 @@ struct Plan {
   std::size_t figure_horizon;   ///< number of the horizon that the figures show
 };
 
-/// About half a minute on two cores: the standard set in both worlds at two horizons.
+/// Some minutes on two cores: the standard set in both worlds at two horizons.
 inline Plan quick_plan() {
   Plan plan{{0.02, 0.1, 0.5}, {}, {BodySet::standard}, 200, 72, 5, 3, 20, 1, 2};
   const Protocol small{20'000, 12};

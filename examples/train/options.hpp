@@ -1,7 +1,7 @@
 // What the command line of rbres_train says.
 #pragma once
 
-#include <charconv>
+#include <cmath>
 #include <map>
 
 #include "../common/command_line.hpp"
@@ -12,20 +12,32 @@ namespace train {
 
 using paper::Architecture, paper::Json, paper::PredictorOf;
 
+/// By default what pays: far enough ahead for contacts to count, not so far that nothing can be known, and
+/// the network that is best there.
 struct Options {
-  World world = World::free_space;
+  World world = World::room;
   BodySet set = BodySet::standard;
-  double horizon = 5;
-  Target target = Target::state;
-  Architecture architecture = Architecture::residual10;
-  int scenarios = 100'000;
-  TrainingOptions training{.seed = 1};
+  double horizon = 0.5;
+  Target target = Target::residual;
+  Architecture architecture = Architecture::shallow;
+  int scenarios = 20'000;
+  TrainingOptions training{.epochs = 40, .seed = 1};
   Method method = Method::adam;
   double weight_decay = 0.01, momentum = 0.9, clip = 0;
   int warm_up = 0;
   std::string data, start, checkpoint, out = "model.safetensors", json, log;
   bool resume = false;
 };
+
+/// What arXiv 2407.18798 trains.
+inline void choose_paper(Options& o) {
+  o.world = World::free_space;
+  o.horizon = 5;
+  o.target = Target::state;
+  o.architecture = Architecture::residual10;
+  o.scenarios = 100'000;
+  o.training.epochs = 200;
+}
 
 /// What the model was made from; its file says it.
 inline Metadata metadata(const Options& o) {
@@ -54,22 +66,14 @@ void choice(CLI::App& app, const std::string& option, T& value, const std::map<s
       ->default_str(text);
 }
 
-/// A number within bounds; what is no number is out of them.
-template <class T>
-void number(CLI::App& app, const std::string& option, T& value, T least, T most, const std::string& help) {
-  app.add_option(option, value, help)
-      ->check([least, most](const std::string& text) {
-        T found{};
-        const char* end = text.data() + text.size();
-        const auto [stopped, problem] = std::from_chars(text.data(), end, found);
-        if (problem == std::errc() && stopped == end && found >= least && found <= most) return std::string();
-        return detail::text("expected a number from ", least, " to ", most, ", found ", text);
-      })
-      ->capture_default_str();
-}
-
 inline void add_options(CLI::App& app, Options& o) {
   TrainingOptions& t = o.training;
+  // Taken before the other options, whose values then stand.
+  app.add_flag_callback(
+         "--paper", [&o] { choose_paper(o); },
+         "the experiment of arXiv 2407.18798, but for what other options say:\n"
+         "--world free --horizon 5 --target state --network residual10 --scenarios 100000 --epochs 200")
+      ->trigger_on_parse();
   choice<World>(app, "--world", o.world, {{"free", World::free_space}, {"room", World::room}}, "where");
   choice<BodySet>(app, "--set", o.set, {{"standard", BodySet::standard}, {"box", BodySet::box}},
                   "the bodies");
@@ -81,7 +85,13 @@ inline void add_options(CLI::App& app, Options& o) {
                         {"forward4", Architecture::forward4},
                         {"shallow", Architecture::shallow}},
                        "10 or 4 residual blocks, the same as 4 without skips, or two hidden layers");
-  number(app, "--horizon", o.horizon, 0.02, 60.0, "how far ahead, s; a whole number of 20 ms");
+  number(app, "--horizon", o.horizon, 0.02, 60.0, "how far ahead, s; a whole number of 20 ms")
+      ->check([](const std::string& text) {
+        const double frames = std::stod(text) * TruthOptions{}.sample_rate;
+        return std::abs(frames - std::round(frames)) < 1e-6
+                   ? std::string()
+                   : "expected a whole number of frames of 20 ms (0.02, 0.04, ...), found " + text;
+      });
   number(app, "--scenarios", o.scenarios, 10, 10'000'000, "80 % train, 10 % validate, 10 % test");
   number(app, "--epochs", t.epochs, 1, 1'000'000, "at most");
   number(app, "--batch-size", t.batch_size, 1, 1'000'000, "scenarios per step");
@@ -105,8 +115,7 @@ inline void add_options(CLI::App& app, Options& o) {
   number(app, "--patience", t.patience, 0, 1'000'000,
          "epochs without a better validation loss before it stops; 0: never");
   number(app, "--min-delta", t.min_delta, 0.0, 1e30, "for --patience a loss is better only if lower by more");
-  number(app, "--seed", t.seed, std::uint64_t{0}, std::uint64_t{1} << 63,
-         "of the first weights, the shuffling and the dropout");
+  seed_number(app, "--seed", t.seed, "of the first weights, the shuffling and the dropout");
   number(app, "--threads", t.threads, 0, 4096, "changes no bit; 0: all");
   app.add_option(
       "--data", o.data,
