@@ -18,6 +18,10 @@ target_compile_options(rbres_development INTERFACE
   $<$<AND:$<BOOL:${RBRES_NATIVE}>,$<CXX_COMPILER_ID:GNU>>:-Wno-uninitialized;-Wno-maybe-uninitialized>)
 # GCC's note that vectors wider than the target's registers are passed in memory: nothing of ours crosses a library.
 target_compile_options(rbres_development INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-psabi>)
+# What users add to these, who meet the headers in their own build: linked by the headers alone and by the programs that
+# instantiate most of their templates.
+add_library(rbres_strict INTERFACE)
+target_compile_options(rbres_strict INTERFACE -Wshadow -Wsign-conversion)
 if(RBRES_SANITIZE)
   # Left out are the undefined-behaviour checks at every access to memory: what they find the address sanitizer finds too,
   # and with them the networks' kernels take minutes to compile.

@@ -17,7 +17,7 @@ foreach(header IN LISTS headers)
   list(APPEND alone ${source})
 endforeach()
 add_library(rbres_self_contained OBJECT EXCLUDE_FROM_ALL ${alone})
-target_link_libraries(rbres_self_contained PRIVATE ${library} rbres_development)
+target_link_libraries(rbres_self_contained PRIVATE ${library} rbres_development rbres_strict)
 
 get_target_property(eigen_folders Eigen3::Eigen INTERFACE_INCLUDE_DIRECTORIES)
 # rbres_compile_test(NAME SOURCE ERROR [FLAG]): compiling the source must end with the error; "" for none.

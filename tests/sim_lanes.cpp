@@ -41,7 +41,7 @@ std::pair<double, double> difference(const System& system, ContactMode mode, int
   const auto one_by_one = system.template cast<T>();
   const auto packed = system.template cast<P>();
   SystemState<P, bodies> together;
-  std::array<SystemState<T, bodies>, lanes> alone;
+  std::array<SystemState<T, bodies>, std::size_t(lanes)> alone;
   for (int l = 0; l < lanes; ++l) {
     auto& y = alone[static_cast<std::size_t>(l)];
     const auto from = start(l);

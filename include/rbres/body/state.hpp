@@ -36,7 +36,7 @@ struct SystemState {
   static constexpr int bodies = N;
   static constexpr int size = N * RigidState<S>::size;
 
-  std::array<RigidState<S>, N> body;
+  std::array<RigidState<S>, std::size_t(N)> body;
 
   RigidState<S>& operator[](int i) { return body[static_cast<std::size_t>(i)]; }
   const RigidState<S>& operator[](int i) const { return body[static_cast<std::size_t>(i)]; }

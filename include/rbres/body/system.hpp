@@ -106,9 +106,9 @@ class System {
   using State = SystemState<S, N>;
   static constexpr int bodies = N;
 
-  System(const std::array<BodyType, N>& bodies, std::vector<Plane<S>> planes = {},
+  System(const std::array<BodyType, std::size_t(N)>& all, std::vector<Plane<S>> planes = {},
          std::vector<PairWithoutContact> without_contact = {})
-      : bodies_(bodies),
+      : bodies_(all),
         planes_(detail::checked_planes(std::move(planes))),
         without_contact_(detail::checked_pairs(std::move(without_contact), N, std::ssize(planes_))) {
     for (const BodyType& body : bodies_) any_kinematic_ = any_kinematic_ || body.is_kinematic();
@@ -117,10 +117,10 @@ class System {
   template <class Other>
   requires(!std::is_same_v<Other, Shape_> && std::is_constructible_v<BodyType, const Body<S, Other>&>)
       System(const System<S, N, Other>& other)
-      : System(other, std::make_index_sequence<N>{}) {}
+      : System(other, std::make_index_sequence<std::size_t(N)>{}) {}
   /// N times the same body.
   static System of(const BodyType& every, std::vector<Plane<S>> planes = {}) {
-    return System(repeat(every, std::make_index_sequence<N>{}), std::move(planes));
+    return System(repeat(every, std::make_index_sequence<std::size_t(N)>{}), std::move(planes));
   }
 
   const BodyType& operator[](int i) const { return bodies_[static_cast<std::size_t>(i)]; }
@@ -140,12 +140,12 @@ class System {
   auto cast() const {
     std::vector<Plane<T>> planes;
     for (const auto& plane : planes_) planes.push_back(plane.template cast<T>());
-    return cast_bodies<T>(std::move(planes), std::make_index_sequence<N>{});
+    return cast_bodies<T>(std::move(planes), std::make_index_sequence<std::size_t(N)>{});
   }
 
  private:
   template <std::size_t... I>
-  static std::array<BodyType, N> repeat(const BodyType& every, std::index_sequence<I...>) {
+  static std::array<BodyType, std::size_t(N)> repeat(const BodyType& every, std::index_sequence<I...>) {
     return {((void)I, every)...};
   }
   template <class Other, std::size_t... I>
@@ -156,7 +156,7 @@ class System {
     using Other = System<T, N, typename detail::CastShape<Shape, T>::type>;
     return Other({bodies_[I].template cast<T>()...}, std::move(planes), without_contact_);
   }
-  std::array<BodyType, N> bodies_;
+  std::array<BodyType, std::size_t(N)> bodies_;
   std::vector<Plane<S>> planes_;
   std::vector<PairWithoutContact> without_contact_;  ///< sorted, the smaller index first
   bool any_kinematic_ = false;

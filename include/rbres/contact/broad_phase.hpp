@@ -54,7 +54,7 @@ class BroadPhase {
   /// `reach` is each body's bounding radius plus the way it may go (m).
   template <class System>
   const std::vector<Candidate>& find(const System& system, const SystemState<S, N>& state,
-                                     const std::array<S, N>& reach) {
+                                     const std::array<S, std::size_t(N)>& reach) {
     using detail::Partners;
     const auto reach_of = [&](int i) -> const S& { return reach[static_cast<std::size_t>(i)]; };
     pairs_.clear();
@@ -75,7 +75,7 @@ class BroadPhase {
   }
 
  private:
-  std::array<int, N> order_;
+  std::array<int, std::size_t(N)> order_;
   detail::Reserved<Candidate> pairs_;
 };
 

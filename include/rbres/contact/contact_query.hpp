@@ -31,7 +31,7 @@ class Contact {
   template <class>
   friend class Contacts;
 
-  std::array<Point, P> points_;
+  std::array<Point, std::size_t(P)> points_;
   std::size_t count_ = 0;
 };
 

@@ -158,7 +158,7 @@ class PairImpact {
   void start(const S& friction, const MaskOf<S>& where, const S& enough) {
     std::size_t some = 0;
     while (!any(info_[some].value.active)) ++some;
-    PairNewton<S, Fixed, P> newton(points_[some].value.frame(), first_, second_);
+    PairNewton<S, Fixed, std::size_t(P)> newton(points_[some].value.frame(), first_, second_);
     each([&](const ImpactPoint<S>& row, const auto& point, auto&, auto&) {
       newton.add(point, row.target, row.active & where);
     });
@@ -173,8 +173,8 @@ class PairImpact {
   Motion<S>& first_;
   Motion<S>& second_;
   S friction_{0}, fastest_{0};
-  std::array<Unset<ImpactPoint<S>>, P> info_;
-  std::array<Unset<ContactPoint<S, Fixed, Central>>, P> points_;
+  std::array<Unset<ImpactPoint<S>>, std::size_t(P)> info_;
+  std::array<Unset<ContactPoint<S, Fixed, Central>>, std::size_t(P)> points_;
 };
 
 }  // namespace detail
@@ -186,7 +186,7 @@ class PairImpact {
 /// touched where it is a plane (Fixed).
 template <bool Fixed, class S, int P, bool Central>
 MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
-                         const std::type_identity_t<std::array<MaskOf<S>, P>>& touching,
+                         const std::type_identity_t<std::array<MaskOf<S>, std::size_t(P)>>& touching,
                          const Surface<S>& surface, const S& rest_speed, const S& least_speed,
                          Motion<S>& first, Motion<S>& second) {
   detail::PairImpact<Fixed, S, P, Central> pair(manifold, first, second);

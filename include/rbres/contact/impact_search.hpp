@@ -78,8 +78,8 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
     // A point that has just left is apart when gravity has turned it round, if that comes soon.
     const MaskOf<S> touched = pair.touching[i], shared = pair.any_resting & !MaskOf<S>(pair.fixed_points());
     const MaskOf<S> leaving = counts[i] & touched & !shared;
-    const S lost = maximum(S(pair.speed[i] - later), S(Constants<S>::tiny));
-    const S turn = part * clamp(S(pair.speed[i] / lost), as<S>(1e-3), S(1));
+    const S slowed = maximum(S(pair.speed[i] - later), S(Constants<S>::tiny));
+    const S turn = part * clamp(S(pair.speed[i] / slowed), as<S>(1e-3), S(1));
     approach.first_look = select(leaving, minimum(approach.first_look, turn), approach.first_look);
   }
   // Bodies that go far may pass one another, whatever their speeds at both ends.

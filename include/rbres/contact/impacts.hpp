@@ -115,7 +115,7 @@ class Impacts {
     }
     if (!any(found)) return false;
 
-    std::array<MaskOf<S>, N> used;
+    std::array<MaskOf<S>, std::size_t(N)> used;
     used.fill(none);
     MaskOf<S> shared(false);
     islands_.clear();
@@ -200,8 +200,8 @@ class Impacts {
     pair.plane() ? resolve(std::true_type{}) : resolve(std::false_type{});
   }
 
-  std::array<S, N> answered_;  ///< impacts of each body in this step
-  std::array<MaskOf<S>, N> changed_;
+  std::array<S, std::size_t(N)> answered_;  ///< impacts of each body in this step
+  std::array<MaskOf<S>, std::size_t(N)> changed_;
   MaskOf<S> unresolved_{false};
   Islands<N> islands_;
   ContactRows<System> rows_;

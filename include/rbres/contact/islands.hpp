@@ -35,7 +35,7 @@ class Islands {
     for (const Pair& pair : pairs_) {
       if (pair.first >= 0) parent_[root(std::size_t(pair.first))] = root(std::size_t(pair.second));
     }
-    std::array<std::size_t, N> island, size{};
+    std::array<std::size_t, std::size_t(N)> island, size{};
     island.fill(N);
     for (const Pair& pair : pairs_) {
       std::size_t& k = island[root(std::size_t(pair.second))];
@@ -70,7 +70,7 @@ class Islands {
 
   Reserved<Pair> pairs_;
   Reserved<std::size_t> order_;
-  std::array<std::size_t, N> parent_, end_;
+  std::array<std::size_t, std::size_t(N)> parent_, end_;
   std::size_t count_ = 0;
 };
 

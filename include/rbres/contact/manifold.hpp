@@ -22,8 +22,8 @@ struct Manifold {
 
   Vec3<S> normal;  ///< unit, from the first surface to the second, world frame
   S separation;    ///< signed distance of the surfaces along the normal, m; negative: they overlap
-  std::array<Vec3<S>, P> point;  ///< world frame, m
-  std::array<S, P> gap;          ///< signed distance at each point, m
+  std::array<Vec3<S>, std::size_t(P)> point;  ///< world frame, m
+  std::array<S, std::size_t(P)> gap;          ///< signed distance at each point, m
 };
 
 /// Moves the points that count to the front, lane by lane and in their order, so that lanes in which

@@ -17,7 +17,7 @@ class PairSearch {
   using Pair = ContactPair<System>;
 
  public:
-  using Ways = std::array<S, N>;  ///< m
+  using Ways = std::array<S, std::size_t(N)>;  ///< m
 
   /// `rest_speed` as in SimulationOptions.
   PairSearch(const System& system, const S& rest_speed)

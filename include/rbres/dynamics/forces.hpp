@@ -87,7 +87,7 @@ Damping(T, T) -> Damping<T>;
 /// A wrench of its own on each body, the same at all times.
 template <class S, int N>
 struct ConstantWrench {
-  std::array<Wrench<S>, N> wrench{};
+  std::array<Wrench<S>, std::size_t(N)> wrench{};
 
   template <class Shape>
   [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>&, const RigidState<S>&, int index,

@@ -7,7 +7,7 @@ namespace rbres {
 /// Time derivative of a whole system's state.
 template <class S, int N>
 struct SystemRate {
-  std::array<RigidRate<S>, N> body;
+  std::array<RigidRate<S>, std::size_t(N)> body;
 };
 
 template <class S, int N>

@@ -59,11 +59,11 @@ struct ContactLaw {
     return correct(bodies, planes, start, std::span<const RigidState<double>>(states), states, 1, own);
   }
   /// The same for `states` in which another law has answered the contacts of that free flight, from `start`
-  /// to `flown`: the impulses, `weight` times as strong, come on top.
+  /// to `flown`: the impulses, `share` times as strong, come on top.
   template <class Shape>
   long correct(std::span<const Body<double, Shape>> bodies, std::span<const Plane<double>> planes,
                std::span<const RigidState<double>> start, std::span<const RigidState<double>> flown,
-               std::span<RigidState<double>> states, double weight, Workspace& own) const noexcept {
+               std::span<RigidState<double>> states, double share, Workspace& own) const noexcept {
     Frame& frame = own.frame;
     frame.clear();
     frame.add(detail::SceneView<Shape>{bodies, planes}, start, flown, scales);
@@ -72,7 +72,7 @@ struct ContactLaw {
     for (std::size_t i = 0; i < states.size(); ++i) frame.flights[i].end = states[i].position;
     frame.sum_impulses(scales);
     for (std::size_t i = 0; i < states.size(); ++i)
-      states[i] = detail::pushed(bodies[i], states[i], frame.sums[i] * weight);
+      states[i] = detail::pushed(bodies[i], states[i], frame.sums[i] * share);
     return std::ssize(frame.contacts);
   }
 

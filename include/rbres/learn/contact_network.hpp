@@ -104,32 +104,32 @@ class ContactNetwork
     typename Part<Rounds>::Workspace decoder;
   };
 
-  /// Fills `outputs` (Out x contacts) from `inputs` (In x contacts). A contact's encoding counts for as much
+  /// Fills `out` (Out x contacts) from `in` (In x contacts). A contact's encoding counts for as much
   /// as its `weight`. Allocates nothing.
-  void forward(const Columns& inputs, std::span<const T> weight, Ends ends, Eigen::Index bodies,
-               Columns& outputs, Workspace& own) const noexcept {
+  void forward(const Columns& in, std::span<const T> weight, Ends ends, Eigen::Index bodies, Columns& out,
+               Workspace& own) const noexcept {
     const Eigen::Index n = std::ssize(ends);
     if (n == 0) return;
-    this->template part<0>().forward(inputs.leftCols(n), own.encoding.leftCols(n), own.encoder);
+    this->template part<0>().forward(in.leftCols(n), own.encoding.leftCols(n), own.encoder);
     for (Eigen::Index c = 0; c < n; ++c) own.encoding.col(c) *= weight[static_cast<std::size_t>(c)];
     detail::unrolled<Rounds - 1>([&](auto r) {
       gather(own.encoding, ends, bodies, own.sums, own.gathered);
       this->template part<r + 1>().forward(own.gathered.leftCols(n), own.change.leftCols(n), own.message);
       own.encoding.leftCols(n) += own.change.leftCols(n);
     });
-    this->template part<Rounds>().forward(own.encoding.leftCols(n), outputs.leftCols(n), own.decoder);
+    this->template part<Rounds>().forward(own.encoding.leftCols(n), out.leftCols(n), own.decoder);
   }
 
   /// What a pass leaves for the way back. It grows with the contacts that it is given.
   class Record {
    public:
     /// As forward(), and keeps what backward() needs.
-    void forward(const ContactNetwork& network, const Columns& inputs, std::span<const T> weight, Ends ends,
-                 Eigen::Index bodies, Columns& outputs) {
+    void forward(const ContactNetwork& network, const Columns& in, std::span<const T> weight, Ends ends,
+                 Eigen::Index bodies, Columns& out) {
       const Eigen::Index n = std::ssize(ends);
       make_room(n, bodies);
       if (n == 0) return;
-      encoder_->record(network.template part<0>(), inputs.leftCols(n), plain_.leftCols(n));
+      encoder_->record(network.template part<0>(), in.leftCols(n), plain_.leftCols(n));
       for (Eigen::Index c = 0; c < n; ++c)
         encoding_.col(c) = weight[static_cast<std::size_t>(c)] * plain_.col(c);
       detail::unrolled<Rounds - 1>([&](auto r) {
@@ -137,7 +137,7 @@ class ContactNetwork
         messages_[r].record(network.template part<r + 1>(), gathered_.leftCols(n), change_.leftCols(n));
         encoding_.leftCols(n) += change_.leftCols(n);
       });
-      decoder_->record(network.template part<Rounds>(), encoding_.leftCols(n), outputs.leftCols(n));
+      decoder_->record(network.template part<Rounds>(), encoding_.leftCols(n), out.leftCols(n));
     }
 
     /// Adds to `gradient` (of the network's layout), and writes the derivatives by inputs and weights.

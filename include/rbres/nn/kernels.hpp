@@ -72,13 +72,13 @@ template <int Rows, int Vectors, class T, int Row, int Step, class Finish>
 [[gnu::always_inline]] inline void tile(std::ptrdiff_t depth, Left<T, Row, Step> a, Panels<const T> b,
                                         const T* ahead, const Finish& finish) {
   constexpr int width = simd_width<T>;
-  Simd<T> sum[Rows][Vectors] = {};
+  Simd<T> sum[std::size_t(Rows)][std::size_t(Vectors)] = {};
   const T* right = b.data;
   for (std::ptrdiff_t panel = 0; panel < depth; panel += lanes<T>, a.data += a.panel) {
     const std::ptrdiff_t count = std::min<std::ptrdiff_t>(lanes<T>, depth - panel);
     for (std::ptrdiff_t k = 0; k < count; ++k, right += lanes<T>, ahead += lanes<T>) {
       __builtin_prefetch(ahead, 0, 2);
-      Simd<T> column[Vectors];
+      Simd<T> column[std::size_t(Vectors)];
 #pragma GCC unroll 16
       for (int v = 0; v < Vectors; ++v) column[v] = load(Panels<const T>{right, b.columns}.at(v * width, 0));
 #pragma GCC unroll 16
@@ -156,7 +156,7 @@ template <class T, class Finish>
                                                 const Finish& finish) {
   constexpr int width = simd_width<T>, vectors = lanes<T> / width, parts = 4;
   for (int lane = 0; lane < out; lane += lanes<T>, weights += in * lanes<T>) {
-    Simd<T> sum[parts][vectors] = {};
+    Simd<T> sum[parts][std::size_t(vectors)] = {};
     const auto add = [&](std::ptrdiff_t k, int part) {
 #pragma GCC unroll 16
       for (int v = 0; v < vectors; ++v) sum[part][v] += x[k] * load(weights + k * lanes<T> + v * width);
@@ -191,7 +191,7 @@ inline void transpose(int out, int in, Panels<const T> weights, int first, int c
   constexpr int width = simd_width<T>;
   for (int o = 0; o < padded<T>(out); o += width)
     for (int i = 0; i < count; i += width) {
-      Simd<T> square[width];
+      Simd<T> square[std::size_t(width)];
 #pragma GCC unroll 16
       for (int r = 0; r < width; ++r)
         square[r] = first + i + r < in ? load(weights.at(o, first + i + r)) : Simd<T>{};

@@ -57,7 +57,7 @@ void elementwise(int size, int count, Panels<T> in, Panels<T> skip, Panels<T> ou
 template <class T, int Skips, bool HasSlope>
 struct Gradient {
   Panels<T> out;
-  std::array<Panels<T>, Skips> skips;
+  std::array<Panels<T>, std::size_t(Skips)> skips;
   [[gnu::always_inline]] void operator()(int c, int lane, Simd<T> g) const noexcept {
     for (const Panels<T>& skip : skips) g += load(skip.at(lane, c));
     if constexpr (HasSlope) g *= load(out.at(lane, c));

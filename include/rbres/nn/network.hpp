@@ -75,7 +75,7 @@ auto plain_forward(const T* parameters, const Eigen::MatrixBase<Derived>& x) {
       for (int o = 0; o < stage.outputs; ++o) out[o] = S((out[o] - mean) * scale) * weights[o] + shift[o];
     }
     for (S& number : out) number = Compiled::template ChainOfStage<s>::value(number, S(1));
-    if constexpr (stage.skip != none) out += values[stage.skip];
+    if constexpr (stage.skip != no_stage) out += values[stage.skip];
     values.push_back(std::move(out));
   });
   return Eigen::Matrix<S, Compiled::size(Compiled::stage_count), 1>(values.back());

@@ -147,7 +147,7 @@ struct Passes {
       T* out = tape.gradient(s + 1).data;
       const auto finish = [&](int, int lane, Simd<T> z) {
         if constexpr (info.count > 0) z *= load(out + lane);
-        if constexpr (info.skip != none) z += load(tape.gradient(info.skip).data + lane);
+        if constexpr (info.skip != no_stage) z += load(tape.gradient(info.skip).data + lane);
         store(out + lane, z);
       };
       if constexpr (info.has_linear) {
@@ -202,12 +202,12 @@ struct Passes {
     constexpr Stage info = C::stage(S);
     using Chain = typename C::template ChainOfStage<S>;
     if constexpr (info.has_linear) {
-      linear<Chain, info.skip != none, Recorded>(info.inputs, info.outputs, count, parameters + offset(S), in,
-                                                 skip, out, slope);
+      linear<Chain, info.skip != no_stage, Recorded>(info.inputs, info.outputs, count, parameters + offset(S),
+                                                     in, skip, out, slope);
     } else if constexpr (info.has_norm) {
       norm<Chain, Recorded>(info.outputs, count, parameters + offset(S), in, out, slope);
     } else {
-      elementwise<Chain, info.skip != none, Recorded>(info.outputs, count, in, skip, out, slope);
+      elementwise<Chain, info.skip != no_stage, Recorded>(info.outputs, count, in, skip, out, slope);
     }
   }
 };

@@ -15,14 +15,14 @@
 /// data.
 namespace rbres::detail {
 
-inline constexpr int none = -1;
+inline constexpr int no_stage = -1;
 
 /// z = W x + b, or layer norm(x), or x; y = elementwise layers(z) (+ value `skip`). Value 0 is the network's
 /// input, and stage s turns value s into value s + 1. Where there is a skip there are no elementwise layers.
 struct Stage {
   bool has_linear = false, has_norm = false;
   int inputs = 0, outputs = 0;
-  int skip = none;
+  int skip = no_stage;
   int first = 0, count = 0;  // elementwise layers, as a range of all of the network
   bool has_dropout = false;  // at most one of them
   double rate = -1;          // its own rate, if not negative
@@ -43,7 +43,7 @@ struct Plan {
   constexpr void push(Stage stage) {
     stages[static_cast<std::size_t>(stage_count++)] = stage;
     size = stage.outputs;
-    sealed = stage.skip != none;
+    sealed = stage.skip != no_stage;
   }
   constexpr Stage& last() { return stages[static_cast<std::size_t>(stage_count - 1)]; }
 };
@@ -85,7 +85,7 @@ constexpr void append(Plan& plan, Residual<Layers...>) {
   plan.sealed = true;
   (append(plan, Layers{}), ...);
   plan.expect(plan.size, size);
-  if (plan.last().has_linear && plan.last().count == 0 && plan.last().skip == none)
+  if (plan.last().has_linear && plan.last().count == 0 && plan.last().skip == no_stage)
     plan.last().skip = entry;
   else
     plan.push({.inputs = size, .outputs = size, .skip = entry, .first = plan.elementwise_count});
@@ -217,7 +217,7 @@ struct Compiled<Sequential<Layers...>> {
     for (int s = 0; s < stage_count; ++s) {
       const int skip = stage(s).skip;
       const auto at = [&slot](int v) -> int& { return slot[static_cast<std::size_t>(v)]; };
-      if (skip != none && skip != s && !live(skip, s + 1)) {
+      if (skip != no_stage && skip != s && !live(skip, s + 1)) {
         at(s + 1) = at(skip);
         continue;
       }

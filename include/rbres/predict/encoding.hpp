@@ -21,7 +21,7 @@ struct Encoding {
   /// Body by body: the state's 13 numbers, the quaternion on the side w >= 0 (q and -q are one orientation),
   /// then force (world frame, N) and torque (body frame, N m).
   template <class T>
-  static Input<T> encode(const SystemState<T, N>& state, const std::array<Wrench<T>, N>& wrench,
+  static Input<T> encode(const SystemState<T, N>& state, const std::array<Wrench<T>, std::size_t(N)>& wrench,
                          int present) noexcept {
     Input<T> x = Input<T>::Zero();
     for (int b = 0; b < present; ++b) {

@@ -27,7 +27,8 @@ struct FreeFlow {
   static constexpr double longest = 3600, shortest = 1e-6;
 
   /// The states after `duration` (s, at most `longest`); NaN for any other duration.
-  SystemState<double, N> operator()(SystemState<double, N> y, const std::array<Wrench<double>, N>& wrench,
+  SystemState<double, N> operator()(SystemState<double, N> y,
+                                    const std::array<Wrench<double>, std::size_t(N)>& wrench,
                                     double duration) const noexcept {
     follow(system, forces(ConstantWrench<double, N>{wrench}), y, duration);
     return y;
@@ -43,7 +44,7 @@ struct FreeFlow {
     const auto lanes = [&]<std::size_t... I>(std::index_sequence<I...>) {
       return rbres::System<S, N>({system[I].template cast<S>()...});
     }
-    (std::make_index_sequence<N>{});
+    (std::make_index_sequence<std::size_t(N)>{});
     for (std::ptrdiff_t first = 0; first < count; first += L) {
       SystemState<S, N> y;
       ConstantWrench<S, N> own;

@@ -24,7 +24,7 @@ class Predictor {
   using Scalar = typename Net::Scalar;
   using Code = Encoding<N>;
   using State = SystemState<double, N>;
-  using Wrenches = std::array<Wrench<double>, N>;
+  using Wrenches = std::array<Wrench<double>, std::size_t(N)>;
   static constexpr int bodies = N;
   static_assert(Net::input_size == Code::inputs && Net::output_size == Code::outputs,
                 "a Predictor of N bodies needs a network from N x 19 to N x 13 numbers");

@@ -63,7 +63,7 @@ void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, con
   const std::ptrdiff_t blocks = (count + L - 1) / L;
 
   parallel_for(blocks, threads, [&](std::ptrdiff_t block) {
-    std::array<std::ptrdiff_t, L> index;
+    std::array<std::ptrdiff_t, std::size_t(L)> index;
     typename Lanes::State y;
     for (int l = 0; l < L; ++l) {
       index[static_cast<std::size_t>(l)] = std::min(block * L + l, count - 1);

@@ -156,8 +156,8 @@ class ContinuousContact {
 
   /// Returns the running lanes in which a number on the way to `free`, or its square, is not finite; there
   /// the position of its body in y says so, too.
-  static MaskOf<S> mark_faults(const std::array<S, N>& way, const State& free, const MaskOf<S>& running,
-                               State& y) {
+  static MaskOf<S> mark_faults(const std::array<S, std::size_t(N)>& way, const State& free,
+                               const MaskOf<S>& running, State& y) {
     constexpr auto nan = std::numeric_limits<typename Constants<S>::Real>::quiet_NaN();
     MaskOf<S> faulty(false);
     for (int i = 0; i < N; ++i) {

@@ -23,7 +23,7 @@ class RestingContacts {
 
  public:
   /// What the contacts do to each body.
-  using Forces = std::array<RestingForce<S>, N>;
+  using Forces = std::array<RestingForce<S>, std::size_t(N)>;
 
   explicit RestingContacts(const System& system)
       : system_(&system), islands_(most_pairs(system)), rows_(system), memory_(rows_.capacity()) {
@@ -239,7 +239,7 @@ class RestingContacts {
       if constexpr (!Packed<S>) {
         bound_energy(pairs, islands_[island], rests_, y, flown, contact, part, end);
       } else {  // one group of pairs, in which each lane has islands of its own: the smallest body names them
-        std::array<S, N> name;
+        std::array<S, std::size_t(N)> name;
         for (int i = 0; i < N; ++i) name[index(i)] = as<S>(double(i));
         for (int round = 1; round < N; ++round) {
           for (const std::size_t k : islands_[island]) {
@@ -252,7 +252,7 @@ class RestingContacts {
           }
         }
         for (int i = 0; i < N; ++i) {
-          std::array<MaskOf<S>, N> members;
+          std::array<MaskOf<S>, std::size_t(N)> members;
           for (int j = 0; j < N; ++j)
             members[index(j)] = rests_[index(j)] & (name[index(j)] == as<S>(double(i)));
           bound_energy(pairs, islands_[island], members, y, flown, contact, part, end);
@@ -261,7 +261,7 @@ class RestingContacts {
     }
   }
   void bound_energy(const Pairs& pairs, std::span<const std::size_t> island,
-                    const std::array<MaskOf<S>, N>& members, const State& y, const State& flown,
+                    const std::array<MaskOf<S>, std::size_t(N)>& members, const State& y, const State& flown,
                     const Forces& contact, const S& part, State& end) {
     energy_.start();
     MaskOf<S> driven(false);  // by a kinematic body, whose contacts do any work
@@ -290,7 +290,7 @@ class RestingContacts {
   ContactRows<System> rows_;
   ContactMemory<System> memory_;
   IslandEnergy<System> energy_;
-  std::array<MaskOf<S>, N> rests_;
+  std::array<MaskOf<S>, std::size_t(N)> rests_;
   Reserved<typename Pair::Contact> at_end_;  ///< how the resting pairs meet at the end of a part
   State last_{};                             ///< where the last step ended
 };

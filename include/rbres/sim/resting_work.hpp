@@ -88,7 +88,8 @@ class IslandEnergy {
   /// Takes `excess` (J) where it is positive: the island's motion is one that its contacts never resist (a
   /// rigid one, along the planes that it lies on), which carries the momentum that they conserve, and a
   /// remainder without any, which shrinks. `moves`: the lanes in which a body belongs to it.
-  void remove(const System& system, State& y, const S& excess, const std::array<MaskOf<S>, N>& moves) const {
+  void remove(const System& system, State& y, const S& excess,
+              const std::array<MaskOf<S>, std::size_t(N)>& moves) const {
     const MaskOf<S> taken = excess > S(0);
     if (!any(taken)) return;
     S mass(0);
@@ -140,7 +141,7 @@ class IslandEnergy {
 
  private:
   Reserved<int> bodies_;
-  std::array<bool, N> listed_;
+  std::array<bool, std::size_t(N)> listed_;
   Mat3<S> mobile_;  ///< projects on the velocities that no plane of the island resists
   Vec3<S> axis_;    ///< about which one plane lets it turn
   S planes_;        ///< 0, 1, or 2 for more

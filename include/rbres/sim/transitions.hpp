@@ -13,7 +13,7 @@ namespace rbres {
 template <int N>
 struct Start {
   SystemState<double, N> state;
-  std::array<Wrench<double>, N> wrench{};
+  std::array<Wrench<double>, std::size_t(N)> wrench{};
 };
 
 /// Starts of a world of N bodies, and where they have led one horizon later: what a Predictor is trained on.
