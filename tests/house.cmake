@@ -1,6 +1,8 @@
-# The house: arrows between folders, headers that stand alone, what must not compile.
+# The house: arrows between folders, one namespace, headers that stand alone, what must not compile.
 add_test(NAME include_arrows
   COMMAND ${CMAKE_COMMAND} -DINCLUDE=${PROJECT_SOURCE_DIR}/include -P ${CMAKE_CURRENT_SOURCE_DIR}/include_arrows.cmake)
+add_test(NAME inline_namespace
+  COMMAND ${CMAKE_COMMAND} -DINCLUDE=${PROJECT_SOURCE_DIR}/include -P ${CMAKE_CURRENT_SOURCE_DIR}/inline_namespace.cmake)
 
 file(GLOB_RECURSE headers CONFIGURE_DEPENDS RELATIVE ${PROJECT_SOURCE_DIR}/include ${PROJECT_SOURCE_DIR}/include/rbres/*.hpp)
 if(TARGET rbres::io)

@@ -3,7 +3,7 @@
 #include <rbres/body/inertia.hpp>
 #include <rbres/body/shape.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// How a surface answers a contact. Two surfaces combine to the larger restitution and the geometric mean of
 /// friction.
@@ -200,4 +200,4 @@ Body(const Shape<S>&, S, Vec3<S>) -> Body<S, Shape<S>>;
 template <template <class> class Shape, class S>
 Body(const Shape<S>&, S, Vec3<S>, Material<S>) -> Body<S, Shape<S>>;
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -3,7 +3,7 @@
 #include <rbres/body/state.hpp>
 #include <rbres/core/error.hpp>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// Refuses a state with a number that is not finite, or with a quaternion whose length is off by more than
 /// 1e-3.
@@ -32,4 +32,4 @@ void make_unit(Quat<S>& q) {
   if (off > S(as<S>(16) * S(Constants<S>::epsilon))) q = normalized(q);
 }
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

@@ -4,7 +4,7 @@
 #include <rbres/body/limits.hpp>
 #include <rbres/core/vector.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// A body's inertia in its principal axes.
 template <class S>
@@ -48,4 +48,4 @@ PrincipalInertia<S> principal_inertia(const Eigen::Matrix<S, 3, 3>& tensor) {
   return principal;
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

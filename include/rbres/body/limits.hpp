@@ -3,7 +3,7 @@
 #include <rbres/core/error.hpp>
 #include <rbres/core/scalar.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// The largest numbers of a body, and, as their inverses, the smallest: what contacts make of them, products
 /// of three of their squares and inverses, overflows nowhere.
@@ -32,4 +32,4 @@ void check_length(std::string_view what, const S& length) {
 }
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

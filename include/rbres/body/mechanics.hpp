@@ -2,7 +2,7 @@
 
 #include <rbres/body/system.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Kinetic energy, J, of a body of this mass (kg) and these principal moments of inertia (kg m^2): that of
 /// its centre of mass and that of its rotation about it.
@@ -77,4 +77,4 @@ Vec3<S> angular_momentum(const System<S, N, Shape>& system, const SystemState<S,
   return sum;
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -5,7 +5,7 @@
 #include <rbres/core/vector.hpp>
 #include <variant>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// A shape is centred at the body's centre of mass. Every shape gives: bounding_radius() (m), lever() (the
 /// largest speed at which a unit spin moves the surface along its normal, m), volume() (m^3),
@@ -141,4 +141,4 @@ struct CastShape<std::variant<Sphere<S>, Box<S>, Capsule<S>>, T> {
 };
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -3,7 +3,7 @@
 #include <array>
 #include <rbres/core/vector.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// The 13 numbers of one rigid body, in the paper's order (section 3.1): position 3, orientation 4, linear
 /// velocity 3, angular velocity 3.
@@ -92,4 +92,4 @@ void set_lane(SystemState<S, N>& state, int i, const SystemState<typename Scalar
   for (int k = 0; k < 13 * N; ++k) ScalarTraits<S>::set_lane(to[k], i, from[k]);
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// A fixed half-space that bodies rest on and bounce off: the points p with dot(normal, p) < offset are
 /// solid.
@@ -173,4 +173,4 @@ constexpr int bodies_of(const System& system) {
   }
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

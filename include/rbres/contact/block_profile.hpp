@@ -6,7 +6,7 @@
 #include <rbres/core/scalar.hpp>
 #include <span>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// A symmetric positive definite matrix of 6 x 6 blocks, one row of blocks for each body of an island, stored
 /// row by row from its first block that is not zero; its Cholesky factor stays within the same profile.
@@ -82,4 +82,4 @@ class BlockProfile {
   Reserved<S> numbers_;
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

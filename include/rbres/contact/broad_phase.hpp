@@ -4,7 +4,7 @@
 #include <rbres/contact/near_pairs.hpp>
 #include <rbres/core/reserved.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 namespace detail {
 
 /// In order of (first, second).
@@ -79,4 +79,4 @@ class BroadPhase {
   detail::Reserved<Candidate> pairs_;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -4,7 +4,7 @@
 #include <rbres/contact/contact_rows.hpp>
 #include <rbres/core/reserved.hpp>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// The forces of resting contacts in the part before: where the next solution starts, so that a stack at
 /// rest takes a sweep or two.
@@ -77,4 +77,4 @@ class ContactMemory {
   Reserved<Entry> last_, next_;
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

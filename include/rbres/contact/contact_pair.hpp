@@ -5,7 +5,7 @@
 #include <rbres/contact/impact.hpp>
 #include <rbres/contact/near_pairs.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 namespace detail {
 
 /// The pair's combined material.
@@ -104,4 +104,4 @@ struct ContactPair {
 };
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -4,7 +4,7 @@
 #include <rbres/contact/detect.hpp>
 #include <rbres/contact/near_pairs.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Where two bodies, or a plane and a body, touch: up to P points under one normal. In lanes it is there
 /// where it touches in at least one of them; the points' gaps say in which.
@@ -142,4 +142,4 @@ template <class System>
 void contacts(const System&, const typename System::State&&,
               const typename System::Scalar& = typename System::Scalar(0)) = delete;
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

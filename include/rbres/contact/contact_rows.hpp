@@ -8,7 +8,7 @@
 #include <rbres/core/reserved.hpp>
 #include <variant>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// The contact points of one island, and the solver that finds their impulses: each point leaves its normal
 /// at a target speed or faster, and obeys Coulomb's law.
@@ -195,4 +195,4 @@ class ContactRows {
   S tolerance_{0};
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

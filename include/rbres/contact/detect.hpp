@@ -2,7 +2,7 @@
 
 #include <rbres/contact/detect_box_box.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 // The pairs in the other order.
 template <class S>
@@ -67,4 +67,4 @@ void with_manifold(const System& system, const typename System::State& y, int fi
 }
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

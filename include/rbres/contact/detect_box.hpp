@@ -2,7 +2,7 @@
 
 #include <rbres/contact/detect_capsule.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// The eight corners, numbered by the signs of their coordinates.
 template <class S>
@@ -118,4 +118,4 @@ Manifold<S, 3> detect(const Capsule<S>& a, const Pose<S>& pa, const Box<S>& b, c
   return m;
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

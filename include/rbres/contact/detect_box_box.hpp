@@ -2,7 +2,7 @@
 
 #include <rbres/contact/detect_box.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 namespace detail {
 
 /// One box's face as seen from the other: middle, normal and the two axes along the face, with half extents.
@@ -183,4 +183,4 @@ Manifold<S, 12> detect(const Box<S>& a, const Pose<S>& pa, const Box<S>& b, cons
   return m;
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -2,7 +2,7 @@
 
 #include <rbres/contact/detect_sphere.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 template <class S>
 Manifold<S, 2> detect(const Plane<S>& plane, const Capsule<S>& b, const Pose<S>& pb) {
@@ -63,4 +63,4 @@ Manifold<S, 2> detect(const Capsule<S>& a, const Pose<S>& pa, const Capsule<S>& 
   return m;
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

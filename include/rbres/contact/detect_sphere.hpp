@@ -2,7 +2,7 @@
 
 #include <rbres/contact/manifold.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// detect(first, its pose, second, its pose): how two shapes meet. There is one function for each pair of
 /// shapes, and no fallback: a pair without one does not compile.
@@ -31,4 +31,4 @@ Manifold<S, 1, true> detect(const Plane<S>& plane, const Sphere<S>& b, const Pos
   return {in_registers(plane.normal), gap, {pb.position - b.radius * plane.normal}, {gap}};
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

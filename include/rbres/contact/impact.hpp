@@ -3,7 +3,7 @@
 #include <limits>
 #include <rbres/contact/pair_newton.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// What two surfaces agree on.
 template <class S>
@@ -201,4 +201,4 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
   return hit;
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

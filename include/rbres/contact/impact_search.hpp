@@ -3,7 +3,7 @@
 #include <rbres/contact/contact_pair.hpp>
 #include <rbres/contact/time_of_impact.hpp>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// No point of the pair's surfaces approaches faster than this between the two states, m/s.
 template <class System>
@@ -104,4 +104,4 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
   return time_of_impact(approach, search, gap, found);
 }
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

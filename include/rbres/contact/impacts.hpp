@@ -4,7 +4,7 @@
 #include <rbres/contact/islands.hpp>
 #include <rbres/core/reserved.hpp>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// Resolves all impacts of one instant. Contacts that approach are answered together, island by island, each
 /// with its restitution; those that approach because of that follow, and so on (generalized reflections:
@@ -210,4 +210,4 @@ class Impacts {
   MaskOf<S> shared_{false};  ///< where two pairs that have an impact share a body
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

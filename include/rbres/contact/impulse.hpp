@@ -2,7 +2,7 @@
 
 #include <rbres/contact/manifold.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// A body as impulses see it.
 template <class S>
@@ -211,4 +211,4 @@ class ContactPoint {
   std::array<S, 3> impulse_{S(0), S(0), S(0)};
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -8,7 +8,7 @@
 #include <rbres/contact/near_pairs.hpp>
 #include <rbres/core/reserved.hpp>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// A vector along a contact point's three directions: its normal and two tangents.
 template <class S>
@@ -222,4 +222,4 @@ class IslandEquations {
   Reserved<S> moved_;  ///< by the steps so far
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

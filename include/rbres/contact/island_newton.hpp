@@ -7,7 +7,7 @@
 #include <limits>
 #include <rbres/contact/island_equations.hpp>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// Solves the contact laws of one island: u_n >= target, complementary to p_n >= 0, and Coulomb's friction
 /// with it. The fixed point p = projection of p - rho (u - target) (Alart and Curnier 1991) is found by the
@@ -247,4 +247,4 @@ class IslandNewton {
   IslandEquations<System> equations_;
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

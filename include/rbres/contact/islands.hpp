@@ -5,7 +5,7 @@
 #include <rbres/core/reserved.hpp>
 #include <span>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// Groups pairs of bodies into islands: pairs that share a body, directly or through others, are solved
 /// together; islands are independent of one another. Planes and kinematic bodies join nothing.
@@ -74,4 +74,4 @@ class Islands {
   std::size_t count_ = 0;
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

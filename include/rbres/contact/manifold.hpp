@@ -2,7 +2,7 @@
 
 #include <rbres/body/system.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Where a shape stands: the middle of the body and the shape's axes, world frame.
 template <class S>
@@ -73,4 +73,4 @@ Vec3<S> direction_or_z(const Vec3<S>& v) {
   return select(usable, inverse * v, Vec3<S>{S(0), S(0), S(1)});
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

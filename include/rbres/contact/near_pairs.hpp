@@ -4,7 +4,7 @@
 #include <rbres/body/system.hpp>
 #include <span>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Two bodies, or a plane and a body, that may touch.
 struct Candidate {
@@ -119,4 +119,4 @@ auto near_pairs(const System& system, const typename System::State& state, const
 }
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

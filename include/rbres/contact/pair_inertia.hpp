@@ -6,7 +6,7 @@
 #include <type_traits>
 #include <variant>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// How impulses between two bodies change their relative motion, and back: the velocity V of the second
 /// body relative to the first at the second's centre of mass, m/s, and the relative angular velocity W,
@@ -93,4 +93,4 @@ class PairInertia {
   std::conditional_t<Fixed, std::monostate, Vec3<S>> between_;
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

@@ -6,7 +6,7 @@
 #include <memory>
 #include <rbres/contact/pair_inertia.hpp>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// Room for a T that is written before it is read: filling a box's contact points with zeros takes longer
 /// than many a contact.
@@ -237,4 +237,4 @@ class PairNewton {
   std::size_t size_ = 0;
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

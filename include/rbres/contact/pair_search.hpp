@@ -5,7 +5,7 @@
 #include <rbres/contact/contact_pair.hpp>
 #include <rbres/core/reserved.hpp>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// Finds the pairs that may touch over a part of a step: those whose bounding balls, grown by the ways that
 /// their bodies may go, overlap.
@@ -98,4 +98,4 @@ void measure(const System& system, const typename System::State& y, const Motion
   measure_speeds<System>(motion, pairs);
 }
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

@@ -2,7 +2,7 @@
 
 #include <rbres/contact/detect.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// The motion of one body over [0, duration], between its states at both ends: cubic Hermite in position and
 /// quaternion, so that it is exact for a constant force and off by O(duration^4) otherwise.
@@ -103,4 +103,4 @@ S time_of_impact(const Approach<S>& pair, const MaskOf<S>& search, const Gap& ga
   return select(found, root, apart);
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

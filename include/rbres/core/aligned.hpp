@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <cstddef>
 #include <new>
+#include <rbres/core/abi.hpp>
 #include <type_traits>
 #include <utility>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// A flat block of numbers on the heap, aligned to a cache line; a copy is a copy. The size is fixed when it
 /// is built.
@@ -55,4 +56,4 @@ class AlignedBuffer {
   std::size_t size_ = 0;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -1,10 +1,12 @@
 #pragma once
 
+#include <rbres/core/abi.hpp>
+
 #if defined(__SSE2__)
 #include <xmmintrin.h>
 #endif
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// While it lives, numbers of this thread that are too small for full precision (below 1.2e-38 in float) are
 /// zero: weights that nothing but the L2 term moves, and their moments, fade into that range, where each
@@ -27,4 +29,4 @@ class FlushDenormals {
 #endif
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <charconv>
+#include <rbres/core/abi.hpp>
 #include <sstream>
 #include <stdexcept>
 #include <string>
@@ -10,12 +11,15 @@
 namespace rbres {
 
 /// What every refused input throws: says what was expected and what was found.
-/// Thrown only where things are built, loaded or configured, never from a hot loop.
+/// Thrown only where things are built, loaded or configured, never from a hot loop. One type for all
+/// instruction sets (see abi.hpp): what one file throws another can catch.
 class Error : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-namespace detail {
+}  // namespace rbres
+
+namespace rbres::RBRES_ABI::detail {
 
 /// Concatenates anything that streams, with enough digits to tell two doubles apart.
 template <class... Parts>
@@ -48,5 +52,4 @@ decltype(auto) naming(const Who& who, const F& f) {
   }
 }
 
-}  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI::detail

@@ -8,7 +8,7 @@
 /// vector phi stands along the axis and is as long as the angle (rad). Equations are those of Sola, Deray,
 /// Atchuthan 2018, "A micro Lie theory for state estimation in robotics". S is any scalar: float, double,
 /// packs, dual numbers; values and derivatives are accurate for all angles, zero and pi among them.
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 namespace detail {
 
@@ -164,4 +164,4 @@ Mat3<S> right_jacobian_inverse(const Vec3<S>& phi) {
   return detail::around(phi, S(detail::stumpff<0>(t) / c1), b, as<S>(0.5));
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -10,7 +10,7 @@
 #include <emmintrin.h>
 #endif
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 namespace detail {
 template <class T, int N>
@@ -195,4 +195,4 @@ inline constexpr int double_lanes = native_lanes<double> > 2 ? native_lanes<doub
 
 }  // namespace detail
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -10,7 +10,7 @@
 #include <omp.h>
 #endif
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Threads that parallel work uses unless told otherwise: where the user's flags turn OpenMP on its choice,
 /// but no more than there are processors; else 1.
@@ -162,4 +162,4 @@ void parallel_team(int threads, const Body& body) {
   body(Team());
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

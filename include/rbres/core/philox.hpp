@@ -4,8 +4,9 @@
 #include <cmath>
 #include <cstdint>
 #include <numbers>
+#include <rbres/core/abi.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// One block of Philox 4x32-10: four 32-bit random words as a pure function of a 128-bit counter and a 64-bit
 /// key. Salmon, Moraes, Dror, Shaw: "Parallel random numbers: as easy as 1, 2, 3", SC 2011, section 4.3.
@@ -85,4 +86,4 @@ class Random {
   bool filled_ = false;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -1,8 +1,9 @@
 #pragma once
 
+#include <rbres/core/abi.hpp>
 #include <vector>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// A vector that is given its capacity once, and whose copies have it too: what is filled in a loop that must
 /// not allocate.
@@ -21,4 +22,4 @@ class Reserved : public std::vector<T> {
   }
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

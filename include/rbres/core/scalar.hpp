@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <limits>
+#include <rbres/core/abi.hpp>
 #include <type_traits>
 #if defined(__SSE2__)
 #include <emmintrin.h>
@@ -12,7 +13,7 @@
 #error "rbres needs infinity and NaN: compile without -ffast-math, or add -fno-finite-math-only"
 #endif
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// What a number type is to the numeric code. A scalar is float, double, a dual number (Eigen's
 /// AutoDiffScalar), or a Pack of SIMD lanes: something with + - * / and comparisons, sqrt, abs, and select.
@@ -145,4 +146,4 @@ MaskOf<S> is_finite(const S& x) {
   return zero == S(0);
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

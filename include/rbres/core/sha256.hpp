@@ -6,9 +6,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <rbres/core/abi.hpp>
 #include <string>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// The SHA-256 digest of a sequence of bytes (FIPS 180-4, section 6.2), given in parts of any length. A copy
 /// goes on from where its source stands.
@@ -118,4 +119,4 @@ class Sha256 {
   std::uint64_t size_ = 0;  ///< bytes so far
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -4,7 +4,7 @@
 #include <Eigen/Geometry>
 #include <rbres/core/scalar.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Three components. Plain structs, not Eigen's, because they are trivially copyable, their alignment does
 /// not follow compiler flags, and they carry packs of lanes; they convert from and to Eigen's vectors.
@@ -168,4 +168,4 @@ Vec3<S> rotate_back(const Quat<S>& q, const Vec3<S>& v) {
   return rotate(q.conjugate(), v);
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

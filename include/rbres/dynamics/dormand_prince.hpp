@@ -6,7 +6,7 @@
 #include <rbres/dynamics/integrators.hpp>
 #include <utility>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// One accepted step of DormandPrince54, evaluable anywhere inside.
 template <class State, class Rate, class S>
@@ -134,4 +134,4 @@ struct DormandPrince54 {
   }
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -2,7 +2,7 @@
 
 #include <rbres/body/system.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// A vector known to be zero when compiling: nothing is computed with it.
 struct NoVector {};
@@ -63,4 +63,4 @@ template <class S, class Angular>
           y.angular_velocity + h * k.angular};
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -3,7 +3,7 @@
 #include <rbres/body/system.hpp>
 #include <tuple>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// A force model gives the wrench on one body. It is any callable with one of these forms, a user's lambda
 /// included:
@@ -188,4 +188,4 @@ Wrench<typename System::Scalar> wrench_on(const Forces<Models...>& forces, const
 }
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

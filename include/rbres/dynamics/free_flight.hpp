@@ -3,7 +3,7 @@
 #include <rbres/dynamics/forces.hpp>
 #include <rbres/dynamics/integrators.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// What contacts add to the force model: nothing.
 struct NoPush {
@@ -80,4 +80,4 @@ typename System::State fly(const System& system, const Model& forces, const Inte
   return state;
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -2,7 +2,7 @@
 
 #include <rbres/dynamics/equations.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Time derivative of a whole system's state.
 template <class S, int N>
@@ -114,4 +114,4 @@ struct Rk4 {
   }
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

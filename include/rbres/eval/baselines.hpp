@@ -5,7 +5,7 @@
 #include <rbres/eval/training_set.hpp>
 #include <span>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// What a learned predictor is held against. Each is callable as (state, wrench, present) and gives the state
 /// `horizon` seconds later.
@@ -128,4 +128,4 @@ TimedCall one_by_one(const ScenarioData& data, Eigen::Index count, const Predict
           static_cast<double>(count)};
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -9,7 +9,7 @@
 #include <rbres/core/error.hpp>
 #include <vector>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// How far predictions are from truth, over the present bodies of some scenarios (the paper's section 4.1).
 struct Metrics {
@@ -173,4 +173,4 @@ Quartiles position_quartiles(const Data& data, std::size_t h, std::ptrdiff_t fir
           static_cast<long>(errors.size())};
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -10,7 +10,7 @@
 #include <rbres/eval/metrics.hpp>
 #include <vector>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Something to time.
 struct TimedCall {
@@ -67,4 +67,4 @@ inline std::vector<Spread> time_side_by_side(const std::vector<TimedCall>& calls
   return spreads;
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

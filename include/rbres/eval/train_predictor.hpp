@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Trains a predictor on transitions of the user's own world: fits its normalisers, sets its horizon, and
 /// trains its network, of which it gets the best weights. One transition in ten, the first ones, validates
@@ -24,4 +24,4 @@ TrainingProgress train_predictor(Predictor<Net, N>& predictor, const Transitions
   return trainer.state().progress;
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -4,7 +4,7 @@
 #include <rbres/predict/predictor.hpp>
 #include <rbres/sim/dataset.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Scenario c as it starts, and where truth is at horizon h, in the types that a predictor takes. Absent
 /// bodies stand at the origin. (Templates, here and below, so that only those who call them compile them.)
@@ -176,4 +176,4 @@ class TrainingSet {
   Columns inputs_, targets_, weights_;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

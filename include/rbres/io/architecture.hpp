@@ -8,7 +8,7 @@
 #include <rbres/core/error.hpp>
 #include <rbres/nn/layers.hpp>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// How a list of layers is written: `spelled` as the C++ type, else with runs of equal layers as "10 x
 /// Residual<...>".
@@ -74,4 +74,4 @@ struct LayerName<std::tuple<Parts...>> {
   static std::string text(LayerText how) { return layer_list<Parts...>("std::tuple", how); }
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

@@ -15,7 +15,7 @@
 
 #include <rbres/io/file.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// A new file that takes its place only when it is complete. It is written beside `path` as partial(path);
 /// commit() flushes it to the disk and renames it, so whatever happens (a kill, a power cut, a full disk)
@@ -194,4 +194,4 @@ class AtomicFile {
   bool stays_ = false, reserved_ = false;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

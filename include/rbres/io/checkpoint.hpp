@@ -18,7 +18,7 @@
 #include <rbres/io/safetensors.hpp>
 #include <rbres/nn/trainer.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 namespace detail {
 
@@ -118,4 +118,4 @@ void load_checkpoint(const std::filesystem::path& path, Trainer<Net, Optimizer, 
   });
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -6,7 +6,7 @@
 
 #include <string>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 namespace detail {
 
@@ -82,4 +82,4 @@ struct ModelFormat<ContactLaw<Width, Rounds, T>> : detail::ContactLawFormat<Cont
 template <int Width, int Rounds, std::floating_point T>
 struct ModelFormat<HybridLaw<Width, Rounds, T>> : detail::ContactLawFormat<HybridLaw<Width, Rounds, T>> {};
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -5,7 +5,7 @@
 
 #include <filesystem>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Saves all that the learning of a contact law needs to go on with the same bits: the checkpoint of its
 /// stage's trainer, with the stage's number in the metadata ("stage"). Call it after each epoch:
@@ -28,4 +28,4 @@ void load_checkpoint(const std::filesystem::path& path, ContactTraining<Law>& tr
   });
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

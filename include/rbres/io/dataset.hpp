@@ -22,7 +22,7 @@
 ///     dataset.json       what they were made from, how many scenarios are "done", and the SHA-256 of each
 ///                        array's file; its own is that of its text with zeros in the digest's place
 /// Columns and units are those of ScenarioData. The arrays appear when all scenarios are done.
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 namespace detail {
 
@@ -213,4 +213,4 @@ ScenarioData read_dataset(const std::filesystem::path& path, const ScenarioSampl
   return data;
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

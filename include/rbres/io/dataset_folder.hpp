@@ -15,7 +15,7 @@
 #include <rbres/sim/dataset.hpp>
 
 /// What the folder of a data set holds: its description and its arrays.
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 inline constexpr int dataset_format = 2;
 
@@ -173,4 +173,4 @@ class DatasetArray {
   NpyWriter<Scalar> file_;
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

@@ -11,7 +11,7 @@
 #include <rbres/core/sha256.hpp>
 #include <rbres/io/file.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Whether a file without a digest is taken.
 enum class Digest { required, optional };
@@ -57,4 +57,4 @@ inline void require_digest(const std::filesystem::path& path, const std::string&
 }
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

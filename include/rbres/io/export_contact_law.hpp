@@ -3,7 +3,7 @@
 #include <rbres/io/export_header.hpp>
 #include <rbres/learn/hybrid_law.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 namespace detail {
 
@@ -19,8 +19,8 @@ void export_law(const Law& law, const std::filesystem::path& path, std::string_v
   const std::string all = text(
       "// Written by rbres::export_header.\n#pragma once\n\n#include <rbres/learn/hybrid_law.hpp>\n\n"
       "namespace ",
-      name, " {\n\nusing Law = rbres::", Law::corrects ? "HybridLaw<" : "ContactLaw<", Net::width, ", ",
-      Net::rounds, ", ", scalar_name<T>, ">;\n\n", array_text<T>("weights", path.string(), weights),
+      name, "::RBRES_ABI {\n\nusing Law = rbres::", Law::corrects ? "HybridLaw<" : "ContactLaw<", Net::width,
+      ", ", Net::rounds, ", ", scalar_name<T>, ">;\n\n", array_text<T>("weights", path.string(), weights),
       array_text<T>("input_mean", path.string(), {law.input.mean.data(), features}),
       array_text<T>("input_deviation", path.string(), {law.input.deviation.data(), features}),
       "// Frame time (s), speed (m/s), margin (m), strength of a correction.\n",
@@ -54,4 +54,4 @@ void export_header(const HybridLaw<Width, Rounds, T>& law, const std::filesystem
   detail::export_law(law, path, name);
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -19,7 +19,7 @@
 #include <rbres/io/safetensors.hpp>
 #include <rbres/nn/network.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 namespace detail {
 
@@ -115,7 +115,7 @@ void export_header(const Network<T, Layers>& network, const std::filesystem::pat
   AtomicFile file(path);
   const std::string text = detail::text(
       "// Written by rbres::export_header.\n#pragma once\n\n#include <rbres/nn/network.hpp>\n\nnamespace ",
-      name, " {\n\nusing Network = rbres::Network<", detail::scalar_name<T>, ", ",
+      name, "::RBRES_ABI {\n\nusing Network = rbres::Network<", detail::scalar_name<T>, ", ",
       detail::LayerName<Layers>::text(detail::LayerText::spelled), ">;\n\n",
       detail::array_text<T>("weights", path.string(), weights),
       "\ninline Network network() {\n  Network network;\n", detail::weights_reader("Network", "network"),
@@ -124,4 +124,4 @@ void export_header(const Network<T, Layers>& network, const std::filesystem::pat
   file.commit();
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

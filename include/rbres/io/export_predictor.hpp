@@ -12,7 +12,7 @@
 #include <string_view>
 #include <vector>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 namespace detail {
 
@@ -76,7 +76,7 @@ void export_header(const Predictor<Network<T, Layers>, N>& p, const std::filesys
   const std::string text = detail::text(
       "// Written by rbres::export_header.\n#pragma once\n\n#include "
       "<rbres/predict/predictor.hpp>\n\nnamespace ",
-      name, " {\n\nusing Network = rbres::Network<", detail::scalar_name<T>, ", ",
+      name, "::RBRES_ABI {\n\nusing Network = rbres::Network<", detail::scalar_name<T>, ", ",
       detail::LayerName<Layers>::text(detail::LayerText::spelled),
       ">;\nusing Predictor = rbres::Predictor<Network, ", N, ">;\n\n",
       detail::array_text<T>("weights", path.string(), weights), numbers("input_mean", p.input.mean),
@@ -102,4 +102,4 @@ inline Predictor predictor() {
   file.commit();
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

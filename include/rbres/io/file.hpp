@@ -17,7 +17,7 @@
 
 #include <rbres/core/error.hpp>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 static_assert(std::endian::native == std::endian::little,
               "rbres files are little-endian, and so must the machine be");
@@ -99,4 +99,4 @@ class InputFile {
   std::uint64_t size_ = 0;
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

@@ -10,7 +10,7 @@
 #include <rbres/core/error.hpp>
 #include <rbres/io/file.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Keeps other processes out of a folder while it lives, if they ask too. The system drops the lock with the
 /// process, however that ends. POSIX.
@@ -28,4 +28,4 @@ class FolderLock {
   detail::FileDescriptor folder_;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -16,7 +16,7 @@
 #include <rbres/io/gltf_file.hpp>
 #include <rbres/io/gltf_mesh.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Red, green, blue (linear) and opacity, each in [0, 1].
 using GltfColour = std::array<double, 4>;
@@ -259,4 +259,4 @@ class GltfScene {
   Vec3<double> seen_low_{infinity, infinity, infinity}, seen_high_{-infinity, -infinity, -infinity};  ///< m
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -14,7 +14,7 @@
 #include <rbres/core/error.hpp>
 #include <rbres/io/atomic_file.hpp>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// What a buffer view holds, by the format's numbers.
 enum class GltfTarget { none = 0, vertices = 34962, indices = 34963 };
@@ -89,4 +89,4 @@ class GltfFile {
   std::string data_;
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

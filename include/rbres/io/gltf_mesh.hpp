@@ -10,7 +10,7 @@
 #include <rbres/body/shape.hpp>
 #include <rbres/body/system.hpp>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// Triangles in two colours, so that a body is seen to turn. Counter-clockwise from outside.
 struct GltfMesh {
@@ -125,4 +125,4 @@ GltfMesh mesh_of(const std::vector<Plane<S>>& planes, double half_width) {
   return mesh;
 }
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

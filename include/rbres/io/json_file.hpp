@@ -8,7 +8,7 @@
 #include <rbres/io/atomic_file.hpp>
 
 /// Small JSON files, read and written whole.
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 using Json = nlohmann::ordered_json;
 
@@ -52,4 +52,4 @@ inline const Json& array_at(const Json& object, const char* key, const std::stri
   return *found;
 }
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

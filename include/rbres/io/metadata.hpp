@@ -10,7 +10,7 @@
 #include <rbres/core/error.hpp>
 #include <rbres/io/safetensors.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Error that names the path and both values when the file's metadata lack one of these or have another: for
 /// one's own metadata, that say what a model was made for.
@@ -68,4 +68,4 @@ void numbers_from_metadata(const SafetensorsReader& file, const std::string& key
 }
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -15,7 +15,7 @@
 #include <rbres/io/safetensors.hpp>
 #include <rbres/nn/network.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// How a type of model stands in a safetensors file: write() adds its tensors and metadata, read() gives the
 /// model or throws Error. Specialise it for a type that holds a network and more, and write both into the one
@@ -114,4 +114,4 @@ struct ModelFormat<Network<T, Layers>> {
   }
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -17,7 +17,7 @@
 #include <rbres/io/file.hpp>
 #include <rbres/io/npy_header.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Writes a NumPy .npy file (format 1.0, C order) of shape (samples, ...) sample by sample, so that a data
 /// set larger than the memory can be made. One sample is one column here and one entry of the first axis
@@ -173,4 +173,4 @@ Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic> read_npy(const std::filesy
   return NpyReader<Scalar>(path).read();
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

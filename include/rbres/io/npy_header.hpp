@@ -15,7 +15,7 @@
 #include <rbres/core/error.hpp>
 #include <rbres/io/file.hpp>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// NumPy's name of a type, as the key 'descr' of a .npy header gives it.
 template <class Scalar>
@@ -180,4 +180,4 @@ inline NpyHeader read_npy_header(const InputFile& file) {
   return header;
 }
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

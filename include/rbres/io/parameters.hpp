@@ -15,7 +15,7 @@
 #include <rbres/nn/network.hpp>
 
 /// What the files of networks and of training runs have in common.
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// The metadata of every file with a network: its "architecture", as the C++ type with runs of equal layers
 /// as "10 x ...", and its "scalar".
@@ -75,4 +75,4 @@ inline void add_metadata(SafetensorsWriter& file, const Metadata& more, const st
 }
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

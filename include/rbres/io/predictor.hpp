@@ -5,7 +5,7 @@
 #include <rbres/io/model.hpp>
 #include <rbres/predict/predictor.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// A predictor's file is its network's (see ModelFormat<Network>), with the rest in the metadata: the
 /// normalisation
@@ -121,4 +121,4 @@ struct ModelFormat<Predictor<Net, N>> {
   }
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -23,7 +23,7 @@
 #include <rbres/io/file.hpp>
 #include <rbres/io/safetensors_header.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 namespace detail {
 
@@ -255,4 +255,4 @@ class SafetensorsReader {
   std::map<std::string, TensorInfo> tensors_;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

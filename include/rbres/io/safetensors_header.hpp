@@ -19,7 +19,7 @@
 #include <rbres/core/error.hpp>
 #include <rbres/io/file.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Strings by name: what rides in a safetensors file as `__metadata__`.
 using Metadata = std::map<std::string, std::string>;
@@ -204,4 +204,4 @@ inline void check_offsets(const std::filesystem::path& path, const std::map<std:
 }
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

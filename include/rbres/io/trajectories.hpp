@@ -29,7 +29,7 @@
 ///   inertia.npy   (scenes, bodies, 3): principal moments, kg m^2; otherwise those of uniform solids
 ///   material.npy  (scenes, bodies, 2): restitution and friction; otherwise those of Material
 /// Arrays are <f4 or <f8, kind and length <i8. Planes have the restitution and friction of Material.
-namespace rbres {
+namespace rbres::RBRES_ABI {
 namespace detail {
 
 inline Vec3<double> vector_at(const Json& object, const char* key, const std::string& what) {
@@ -183,4 +183,4 @@ inline void write_trajectories(const std::filesystem::path& folder, const Trajec
   detail::write_world(folder / "world.json", set);
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

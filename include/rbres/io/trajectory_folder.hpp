@@ -12,7 +12,7 @@
 #include <rbres/io/npy.hpp>
 #include <rbres/learn/trajectory.hpp>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 inline std::string array_shape_text(const std::vector<Eigen::Index>& shape) {
   std::string all;
@@ -134,4 +134,4 @@ class TrajectoryFolder {
   std::optional<Integers> length_;
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

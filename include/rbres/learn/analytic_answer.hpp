@@ -9,7 +9,7 @@
 #include <span>
 #include <vector>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// What discrete contacts make of a frame of a scene's free flight, and the way back by forward duals. One
 /// for each thread.
@@ -116,4 +116,4 @@ class AnalyticAnswer {
   std::vector<std::size_t> left_, group_;
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

@@ -6,7 +6,7 @@
 #include <array>
 #include <cmath>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// The speeds and lengths that a contact law counts in, so that a small, slow world and a large, fast one
 /// look alike to its network.
@@ -255,4 +255,4 @@ inline void add_measure_gradient(const Contact& c, const FlightPair<const Contac
 }
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

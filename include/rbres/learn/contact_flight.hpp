@@ -4,7 +4,7 @@
 #include <rbres/body/state.hpp>
 #include <unsupported/Eigen/AutoDiff>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// Numbers with their derivatives by N inputs.
 template <int N>
@@ -116,4 +116,4 @@ void add_flight_gradient(const Body<double, Shape>& body, const RigidState<doubl
   by_to.orientation = by_to.orientation + by_sum;
 }
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

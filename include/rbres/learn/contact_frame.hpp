@@ -10,7 +10,7 @@
 #include <numeric>
 #include <span>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// The bodies of one scene and the planes around them.
 template <class Shape>
@@ -186,4 +186,4 @@ struct ContactFrame {
   std::size_t most_ = std::numeric_limits<std::size_t>::max();
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

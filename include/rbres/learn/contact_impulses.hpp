@@ -3,7 +3,7 @@
 #include <rbres/core/lie.hpp>
 #include <rbres/learn/contact_response.hpp>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// What a network's outputs mean for a contact: an impulse, an angular impulse about the normal, and when.
 struct ContactImpulse {
@@ -206,4 +206,4 @@ BodyImpulse add_pushed_gradient(const Body<double, Shape>& body, const RigidStat
   return by;
 }
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

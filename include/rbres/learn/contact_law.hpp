@@ -8,7 +8,7 @@
 #include <cmath>
 #include <type_traits>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// How bodies collide, learned from trajectories: it stands where Coulomb's and Newton's laws stand. At every
 /// contact point of a frame a network gives an impulse in the contact's own frame, an angular impulse about
@@ -97,4 +97,4 @@ struct ContactLaw {
   using Step = detail::LawStep<ContactLaw, System>;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -4,7 +4,7 @@
 #include <rbres/learn/scene_step.hpp>
 #include <rbres/learn/scene_system.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Takes the bodies of one scene from frame to frame by a learned contact law, alone or as a correction. Not
 /// copied: it points into itself.
@@ -44,4 +44,4 @@ class ContactLawSimulator {
   ContactTally<double> tally_;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

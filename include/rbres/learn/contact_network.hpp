@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// x (1 + x / sqrt(1 + x^2)) / 2: like Silu, with an algebraic gate that costs a square root instead of an
 /// exponential.
@@ -228,4 +228,4 @@ class ContactNetwork
   }
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <type_traits>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// A place where two surfaces meet or nearly meet, halfway through a frame of free flight.
 struct ContactPlace {
@@ -115,4 +115,4 @@ void add_place_gradient(const Plane<double>& plane, const Body<double, Shape>& b
   });
 }
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

@@ -6,7 +6,7 @@
 
 /// How the contacts of a frame feel one another, and their own bodies' shapes: each is pushed along its
 /// normal as if it were alone, and all see what the pushes together change of their velocities.
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// What all trial pushes do to a body. With doubles this is also the layout of a derivative.
 struct BodyResponse {
@@ -143,4 +143,4 @@ inline void add_push_gradient(const Contact& c, const ContactScales& scales,
   by.normal_mobility -= c.push / c.normal_mobility * by_push;
 }
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// The way back through free flight under gravity: adds to the derivative by the state where it begins.
 template <class OneBody>
@@ -197,4 +197,4 @@ class FrameGradient {
   AnalyticAnswer<SceneSystem> analytic_;
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

@@ -2,7 +2,7 @@
 
 #include <rbres/learn/contact_law.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// A learned correction of Newton's restitution and Coulomb's friction, after the hybrid of the paper: each
 /// frame is that of discrete contacts (see ContactMode) with the bodies' own materials, and the network's
@@ -21,4 +21,4 @@ struct HybridLaw : ContactLaw<Width, Rounds, T> {
   using Step = detail::LawStep<HybridLaw, System>;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -3,7 +3,7 @@
 #include <rbres/learn/scene_simulator.hpp>
 #include <rbres/learn/windows.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 struct IdentifyOptions {
   std::vector<Unknown> unknowns{Unknown::restitution, Unknown::friction, Unknown::gravity, Unknown::inertia,
@@ -82,4 +82,4 @@ inline Identification identify(const TrajectorySet& set, const IdentifyOptions& 
       options.step};
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -10,7 +10,7 @@
 #include <type_traits>
 #include <variant>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// A frame of a learned law, as simulate(), Stepper and simulate_batch() take it: free flight, then, where
 /// the law `corrects` them, discrete contacts by Newton and Coulomb, then the law.
@@ -83,4 +83,4 @@ class LawStep {
   State start_, flown_;
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

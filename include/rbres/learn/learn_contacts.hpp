@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// How a contact law is learned. Plain numbers.
 struct ContactLearning {
@@ -241,4 +241,4 @@ Law learn_contacts(const TrajectorySet& train, const TrajectorySet& validation,
   return training.law();
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

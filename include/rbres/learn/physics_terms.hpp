@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <span>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// What a rollout costs where it breaks rules that hold whatever the trajectories say: terms of RolloutLoss.
 /// With weights of 0, as here, they cost nothing. Soft contacts do overlap, and give back energy: where the
@@ -81,4 +81,4 @@ inline void add_specific_energy_gradient(std::span<const System<double, 1>* cons
 }
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

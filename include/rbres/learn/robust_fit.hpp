@@ -8,7 +8,7 @@
 #include <rbres/core/error.hpp>
 #include <vector>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// A number to fit: where the search starts, how far it looks at first, and its bounds.
 struct FitNumber {
@@ -243,4 +243,4 @@ class RobustFit {
   long evaluations_ = 0;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// What a rollout's errors cost: for each body and frame the length of each error times its weight, up to a
 /// cap, beyond which a trajectory is lost and teaches nothing.
@@ -69,4 +69,4 @@ inline void limit_growth(const RolloutLoss& loss, double time, double share, Rig
 }
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -10,7 +10,7 @@
 #include <span>
 #include <vector>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Rollouts of a contact law beside trajectories, as an objective: an item is a window, some frames of one
 /// scene; the law starts from its first frame and is judged by all others. Its value is the mean of
@@ -260,4 +260,4 @@ class Rollouts {
   std::vector<SceneSystem> scenes_;       ///< of a law that corrects the analytic one
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

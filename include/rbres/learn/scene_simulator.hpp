@@ -7,7 +7,7 @@
 #include <rbres/sim/discrete_contact.hpp>
 #include <rbres/sim/options.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// What of a world may be unknown.
 enum class Unknown {
@@ -118,4 +118,4 @@ class SceneSimulator {
   ContactTally<double> tally_;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

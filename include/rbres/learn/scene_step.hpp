@@ -2,7 +2,7 @@
 
 #include <rbres/dynamics/free_flight.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// How a scene is stepped from frame to frame.
 struct SceneStep {
@@ -28,4 +28,4 @@ void fly_on(SceneStep::Velocity velocity, const System& system, const Model& for
 }
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -2,7 +2,7 @@
 
 #include <rbres/learn/trajectory.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Where the bodies of a scene are, as many as it has.
 template <class S>
@@ -47,4 +47,4 @@ inline SceneSystem scene_system(const TrajectorySet& set, const Trajectory& scen
   return {std::move(bodies), set.planes()};
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

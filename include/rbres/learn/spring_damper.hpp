@@ -6,7 +6,7 @@
 #include <rbres/learn/scene_simulator.hpp>
 #include <rbres/learn/windows.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Contacts as springs and dampers along the normal, with Coulomb friction: the form of law of engines with
 /// soft contacts. Both are given for a unit of the contact's effective mass, so that they mean the same for
@@ -124,4 +124,4 @@ inline SpringDamper fit_spring_damper(const TrajectorySet& set, int window, long
   return law(fit_windows(set, windows_of(set, window, most_states), numbers, simulator, options).value);
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// One scene: some bodies, and where they were at equal times, measured or simulated. How many bodies and
 /// frames there are is known when the program runs. Overlaps are allowed: soft contacts have them.
@@ -92,4 +92,4 @@ class TrajectorySet {
   std::vector<Trajectory> scenes_;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

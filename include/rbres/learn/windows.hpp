@@ -6,7 +6,7 @@
 #include <rbres/learn/robust_fit.hpp>
 #include <rbres/learn/scene_system.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// A piece of a scene from which a simulation starts and with which it is compared.
 struct Window {
@@ -80,4 +80,4 @@ FitResult fit_windows(const TrajectorySet& set, const std::vector<Window>& windo
   return RobustFit(numbers, 6, clusters, errors, options).run();
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

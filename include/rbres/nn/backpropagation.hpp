@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <span>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Gradients of a loss by all parameters (and by the inputs) over one batch of columns with targets: the
 /// fused path of training, whose gradient never stands in memory as a whole. Keeps the activations of `batch`
@@ -86,4 +86,4 @@ class Backpropagation {
   Eigen::Index count_ = 0;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -7,7 +7,7 @@
 #include <optional>
 #include <utility>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Columns with targets as an objective: an item is a sample, its value the loss. The samples must outlive
 /// it. The trainer takes the fused path (Backpropagation) in place of differentiate().
@@ -88,4 +88,4 @@ class ColumnsObjective {
   Loss<T> loss_;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

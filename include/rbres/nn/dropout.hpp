@@ -9,7 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Which numbers Dropout keeps: a pure function of seed, step, stage, sample and feature, so that threads
 /// change nothing.
@@ -85,4 +85,4 @@ void fill_dropout(const DropoutMask& mask, int stage, int features, Panels<T> fa
 }
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

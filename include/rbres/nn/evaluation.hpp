@@ -10,7 +10,7 @@
 #include <numeric>
 #include <vector>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// The mean of an objective over all its items, for networks without dropout, with scratch that is kept. No
 /// bit depends on the number of threads. A move is a copy.
@@ -76,4 +76,4 @@ double mean_loss(const Net& network, const Samples<T>& samples, const Loss<T>& l
   return Evaluation<Net, ColumnsObjective<Net>>(objective, threads).mean(network, objective);
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

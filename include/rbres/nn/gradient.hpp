@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <span>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// The derivatives of a number by all parameters of a network, in the layout of its block: the derivative by
 /// Net::parameters()[i] stands at [i]. Starts as zeros. A move is a copy.
@@ -53,4 +53,4 @@ void each_slice(const Team& team, const F& f) {
 }
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -10,7 +10,7 @@
 ///     parameter_gradient(team, sink)               sink(place, g, is_weight) for every register, each once
 ///     useful_threads(asked, batch)
 /// The threads of a team call them together.
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// Of any objective: chunks add to gradients, each of which takes every most_sums-th chunk; the gradients are
 /// added in their order. So the bits do not depend on the threads, and memory has a bound.
@@ -99,4 +99,4 @@ class GradientSource<Net, ColumnsObjective<Net>> {
   Backpropagation<Net> gradients_;
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

@@ -12,7 +12,7 @@
 /// Weights have outputs as rows and inputs as columns; activations have features as rows and samples as
 /// columns. So whatever the kernel walks along lies in sequence. The layout is the same for every instruction
 /// set.
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// Numbers in one column of a panel.
 template <class T>
@@ -211,4 +211,4 @@ inline void transpose(int out, int in, Panels<const T> weights, int first, int c
     }
 }
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

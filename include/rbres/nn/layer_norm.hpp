@@ -6,7 +6,7 @@
 
 /// What a LayerNorm needs, sample by sample. Weights and biases stand one after the other, each filled up
 /// with zeros to whole panels.
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// The first `count` lanes of a register; those beyond hold nothing and become zero.
 template <class T>
@@ -112,4 +112,4 @@ void norm_gradient(int size, int count, Panels<const T> x, Panels<const T> gradi
     sink(offset + static_cast<std::size_t>(lane), load(sums + lane), false);
 }
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

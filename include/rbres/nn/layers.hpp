@@ -5,7 +5,7 @@
 #include <cmath>
 #include <type_traits>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Layers are types without state: a network's numbers stand in its one parameter block (see Network).
 /// An elementwise layer gives value(x) and slope(x), its derivative; T is a number, a number that
@@ -127,4 +127,4 @@ concept Elementwise = is_dropout<Layer> || requires(double x) {
 };
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

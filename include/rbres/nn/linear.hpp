@@ -7,7 +7,7 @@
 
 /// The products that a Linear layer needs, with what goes before and after them done while numbers are in
 /// registers.
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// Elementwise layers; with Recorded, slope holds the dropout factors before and the slopes after.
 template <class Chain, bool Recorded, class T>
@@ -141,4 +141,4 @@ template <class T, class Sink>
   }
 }
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

@@ -13,7 +13,7 @@
 #include <string_view>
 #include <vector>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// A view of a column-major matrix whose columns are samples. Unlike an Eigen::Map that is assigned to it
 /// looks at another matrix.
@@ -128,4 +128,4 @@ void expect_samples(const char* what, const Samples<T>& samples, Eigen::Index in
 }
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

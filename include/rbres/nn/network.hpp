@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// One tensor of a network's parameters: its name and shape as PyTorch's state_dict has them, and where its
 /// numbers stand.
@@ -264,4 +264,4 @@ class Network {
   AlignedBuffer<T> parameters_;                        ///< empty after a move
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -10,7 +10,7 @@
 #include <tuple>
 #include <vector>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// One of several networks that share a block: it looks at parameters that stand elsewhere, which must
 /// outlive it.
@@ -121,4 +121,4 @@ class NetworkParts {
   AlignedBuffer<T> parameters_;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

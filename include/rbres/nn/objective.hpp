@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// What training makes small: the mean over items of something that a network's parameters decide. An item is
 /// a number in [0, count()), and means whatever the objective says: a column with its target, a rollout.
@@ -106,4 +106,4 @@ class Digest {
 };
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -10,7 +10,7 @@
 #include <string>
 #include <utility>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// An optimiser is a struct of its hyper-parameters; what it remembers between steps stands in `moment_count`
 /// blocks of the layout of the parameters, and starts as zeros. rule<T>(rate, step) gives the update of one
@@ -182,4 +182,4 @@ concept AveragesWeights = requires(const Optimizer& o) {
 };
 }  // namespace detail
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

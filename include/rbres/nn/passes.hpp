@@ -10,7 +10,7 @@
 #include <cstddef>
 #include <utility>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 namespace detail {
 
@@ -213,4 +213,4 @@ struct Passes {
 };
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -2,7 +2,7 @@
 
 #include <rbres/nn/network.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 namespace detail {
 
 /// Sequential<First..., Middle... repeated Count times, Last...>
@@ -42,4 +42,4 @@ using FeedForwardNetwork =
                         In, Width, Blocks, Out,
                         Sequential<Linear<Width, Width>, Relu, Dropout, Linear<Width, Width>, Relu>>>;
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

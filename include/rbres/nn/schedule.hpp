@@ -9,7 +9,7 @@
 #include <span>
 #include <string>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// What an epoch of training found.
 struct EpochLosses {
@@ -173,4 +173,4 @@ struct Plateau {
 template <class S, class... Numbers>
 Plateau(S, Numbers...) -> Plateau<S>;
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <rbres/core/abi.hpp>
 #include <type_traits>
 
 #if defined(__AVX__)
@@ -12,7 +13,7 @@
 #include <emmintrin.h>
 #endif
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 #if defined(__AVX512F__)
 inline constexpr std::size_t simd_bytes = 64;
@@ -125,4 +126,4 @@ inline Simd<std::uint64_t> multiply_low(const Simd<std::uint64_t>& x, std::uint3
 #endif
 }
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

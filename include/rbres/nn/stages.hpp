@@ -13,7 +13,7 @@
 
 /// What a Sequential means, worked out at compile time: a list of stages, each of them one pass over the
 /// data.
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 inline constexpr int no_stage = -1;
 
@@ -255,4 +255,4 @@ void append_names(std::vector<std::string>& names, const std::string& prefix, Co
   (append_names(names, prefix + (prefix.empty() ? "" : ".") + std::to_string(position++), Layers{}), ...);
 }
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <type_traits>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 namespace detail {
 
@@ -199,4 +199,4 @@ class Tape {
   Eigen::Index recorded_ = nothing;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

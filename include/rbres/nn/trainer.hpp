@@ -16,7 +16,7 @@
 #include <utility>
 #include <vector>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Trains a network on an objective: by default columns with targets, which must outlive the trainer. A move
 /// is a copy.
@@ -288,4 +288,4 @@ class Trainer {
   std::optional<Evaluation<Net, O>> evaluation_;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// How to train; the defaults are those of arXiv 2407.18798, section 3. Plain numbers.
 struct TrainingOptions {
@@ -101,4 +101,4 @@ inline void expect_state(const TrainingProgress& progress, const std::vector<Epo
 }
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

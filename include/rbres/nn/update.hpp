@@ -9,7 +9,7 @@
 #include <optional>
 #include <vector>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// How an optimiser changes a network's weights: as the gradient comes, register by register, or, where it
 /// clips, from the whole gradient. What it needs for that has room here from the start.
@@ -103,4 +103,4 @@ class Update {
   std::optional<Net> average_;             ///< where it averages
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

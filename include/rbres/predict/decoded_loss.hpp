@@ -3,7 +3,7 @@
 #include <rbres/nn/loss.hpp>
 #include <rbres/predict/encoding.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// A term of a Loss that sees physical quantities: term(sample, x, y, gradient) gets the network's input and
 /// output in SI units, as the normalisers restore them, gives its value, and adds its derivative by y to
@@ -27,4 +27,4 @@ typename Loss<T>::Term decoded_term(const Normalizer<T, Inputs>& input, const No
   };
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -4,7 +4,7 @@
 #include <rbres/body/state.hpp>
 #include <rbres/core/error.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// How states and wrenches of N bodies become the numbers that a network sees, and back: one place for
 /// training and use. Bodies stand one after the other; bodies from `present` on are absent, and their numbers
@@ -96,4 +96,4 @@ struct Normalizer {
   Vector restore(const Vector& x) const noexcept { return x.cwiseProduct(deviation) + mean; }
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

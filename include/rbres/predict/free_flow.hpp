@@ -7,7 +7,7 @@
 #include <rbres/dynamics/free_flight.hpp>
 #include <rbres/dynamics/integrators.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Where bodies would be if nothing were in their way: gravity, fluid friction, damping and each body's own
 /// wrench, without contacts. The base that a predictor of residuals corrects, and the trivial predictor that
@@ -80,4 +80,4 @@ struct FreeFlow {
   }
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

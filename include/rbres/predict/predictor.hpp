@@ -6,7 +6,7 @@
 #include <rbres/predict/free_flow.hpp>
 #include <span>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// What a predictor's network says.
 enum class Target {
@@ -159,4 +159,4 @@ template <class Scalar, int Blocks, int N = 5>
 using ResidualPredictor =
     Predictor<ResidualNetwork<Scalar, Encoding<N>::inputs, 256, Blocks, Encoding<N>::outputs>, N>;
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

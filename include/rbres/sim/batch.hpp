@@ -4,7 +4,7 @@
 #include <rbres/core/parallel.hpp>
 #include <rbres/sim/simulate.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 namespace detail {
 inline bool mask_lane(bool mask, int) { return mask; }
@@ -99,4 +99,4 @@ void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, con
   simulate_batch<S>(system, count, start, forces, integrator, AnalyticContacts{}, options, observe, threads);
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -2,7 +2,7 @@
 
 #include <rbres/sim/continuous_contact.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// What answers contacts in simulate(), Stepper and simulate_batch() unless they are told otherwise: Newton's
 /// restitution and Coulomb's friction, when and where SimulationOptions::contacts says.
@@ -44,4 +44,4 @@ struct AnalyticContacts {
   };
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

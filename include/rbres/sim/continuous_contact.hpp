@@ -10,7 +10,7 @@
 #include <rbres/sim/resting_contacts.hpp>
 #include <utility>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Motion over one step with every impact at its own time. The step is cut at each time of impact; contacts
 /// that rest, slide or roll get constant forces over each part, found such that none approaches at its end:
@@ -209,4 +209,4 @@ class ContinuousContact {
   detail::DiscreteContact<System> discrete_;  ///< for steps past their event cap
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

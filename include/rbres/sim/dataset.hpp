@@ -7,7 +7,7 @@
 #include <rbres/sim/transitions.hpp>
 #include <span>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Scenarios as columns: what they start from, and where truth is at some horizons. float, because that is
 /// what networks learn from; absent bodies are zero.
@@ -166,4 +166,4 @@ ScenarioData generate(const ScenarioSampler<Set>& sampler, std::uint64_t first, 
   return generate(sampler, first, count, horizons, options, [](Eigen::Index) {});
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -5,7 +5,7 @@
 #include <rbres/core/reserved.hpp>
 #include <tuple>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// What happened during some steps, lane by lane.
 template <class S>
@@ -288,4 +288,4 @@ class DiscreteContact {
 };
 
 }  // namespace detail
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

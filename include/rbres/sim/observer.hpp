@@ -5,7 +5,7 @@
 #include <type_traits>
 #include <utility>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// Whether T has a member of the name `impact`, whatever it is: a second one makes the name ambiguous.
 struct HasImpact {
@@ -55,4 +55,4 @@ bool observed(Observer& observer, double time, const State& state) {
   return true;
 }
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

@@ -5,7 +5,7 @@
 #include <rbres/core/error.hpp>
 #include <rbres/core/scalar.hpp>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// When contacts are found.
 enum class ContactMode {
@@ -86,4 +86,4 @@ class StepPlan {
   long per_sample_, parts_;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

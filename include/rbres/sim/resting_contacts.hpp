@@ -6,7 +6,7 @@
 #include <rbres/sim/resting_work.hpp>
 #include <span>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// The contacts that rest, slide or roll over a part of a step, island by island: first they stop what still
 /// approaches slowly, then constant forces hold the bodies over the part, and at its end impulses take away
@@ -295,4 +295,4 @@ class RestingContacts {
   State last_{};                             ///< where the last step ended
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

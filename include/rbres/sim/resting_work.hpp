@@ -7,7 +7,7 @@
 #include <rbres/core/reserved.hpp>
 #include <span>
 
-namespace rbres::detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// What resting contacts do to a body over a part of a step, world frame. Where two bodies touch moves with
 /// the lighter one, on one path for both, so that angular momentum is kept while they slide past one another.
@@ -147,4 +147,4 @@ class IslandEnergy {
   S planes_;        ///< 0, 1, or 2 for more
 };
 
-}  // namespace rbres::detail
+}  // namespace rbres::RBRES_ABI::detail

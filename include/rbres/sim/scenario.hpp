@@ -4,7 +4,7 @@
 #include <rbres/sim/simulate.hpp>
 #include <string_view>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// The scenarios of the paper's experiment, version "standard-3". Scenario i of a world is a pure function of
 /// (seed, i). Results refer to this page by name and version; whoever changes a number here or what truth is
@@ -264,4 +264,4 @@ class ScenarioSampler {
   Body<double, ShapeOf<Set>> body_;
 };
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

@@ -8,7 +8,7 @@
 #include <type_traits>
 #include <utility>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// How a run ended.
 enum class SimulationStatus {
@@ -215,4 +215,4 @@ SimulationReport simulate(const System& system, typename System::State& state, c
   return simulate(system, state, forces, integrator, AnalyticContacts{}, options);
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI

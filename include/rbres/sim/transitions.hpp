@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <vector>
 
-namespace rbres {
+namespace rbres::RBRES_ABI {
 
 /// Where N bodies start, and the wrench on each (force in world frame, N; torque in body frame, N m) that
 /// stays the same from there on.
@@ -87,4 +87,4 @@ Transitions<N> simulate_transitions(const System<double, N, Shape>& system, cons
   return all;
 }
 
-}  // namespace rbres
+}  // namespace rbres::RBRES_ABI
