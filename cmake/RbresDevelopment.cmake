@@ -37,25 +37,17 @@ endforeach()
 target_compile_options(rbres_sse2 INTERFACE -march=x86-64)
 target_compile_options(rbres_avx2 INTERFACE -march=x86-64-v3)
 
-find_package(OpenMP COMPONENTS CXX)
-
 # rbres_program(NAME SOURCE... [LIBRARIES ...]): one executable of ours.
 function(rbres_program name)
   cmake_parse_arguments(arg "" "" "LIBRARIES" ${ARGN})
   add_executable(${name} ${arg_UNPARSED_ARGUMENTS})
   target_link_libraries(${name} PRIVATE rbres::rbres rbres_development ${arg_LIBRARIES})
-  if(OpenMP_CXX_FOUND)
-    target_link_libraries(${name} PRIVATE OpenMP::OpenMP_CXX)
-  endif()
 endfunction()
 
 # rbres_objects(NAME SOURCE...): sources of ours that several programs link, compiled once.
 function(rbres_objects name)
   add_library(${name} OBJECT ${ARGN})
   target_link_libraries(${name} PUBLIC rbres::rbres rbres_development)
-  if(OpenMP_CXX_FOUND)
-    target_link_libraries(${name} PUBLIC OpenMP::OpenMP_CXX)
-  endif()
 endfunction()
 
 # rbres_find_peer(TARGET HEADER LIBRARY...): an imported target if all are found. Debian's own CMake packages of

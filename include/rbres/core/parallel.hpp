@@ -5,18 +5,32 @@
 #include <cstddef>
 #include <exception>
 #include <rbres/core/error.hpp>
+#include <vector>
 
-#ifdef _OPENMP
-#include <omp.h>
+// Whether the standard library has threads here: not on a microcontroller, and not in a browser's default
+// build.
+#if !__has_include(<thread>) || (defined(__GLIBCXX__) && !defined(_GLIBCXX_HAS_GTHREADS)) || \
+    defined(_LIBCPP_HAS_NO_THREADS) || (defined(__EMSCRIPTEN__) && !defined(__EMSCRIPTEN_PTHREADS__))
+#define RBRES_HAS_THREADS 0
+#else
+#define RBRES_HAS_THREADS 1
+#include <thread>
+#endif
+#if defined(__linux__) && RBRES_HAS_THREADS
+#include <sched.h>
 #endif
 
 namespace rbres::RBRES_ABI {
 
-/// Threads that parallel work uses unless told otherwise: where the user's flags turn OpenMP on its choice,
-/// but no more than there are processors; else 1.
+/// Threads that parallel work uses unless told otherwise: as many as there are processors for this program;
+/// 1 where the standard library has no threads.
 inline int default_threads() noexcept {
-#ifdef _OPENMP
-  return std::min(omp_get_max_threads(), omp_get_num_procs());
+#if RBRES_HAS_THREADS
+#if defined(__linux__) && defined(CPU_COUNT)
+  cpu_set_t mine;  // hardware_concurrency() counts those, too, that taskset or a container keeps from us
+  if (sched_getaffinity(0, sizeof mine, &mine) == 0) return std::max(1, CPU_COUNT(&mine));
+#endif
+  return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 #else
   return 1;
 #endif
@@ -49,33 +63,22 @@ class FirstException {
   std::exception_ptr exception_;
 };
 
-}  // namespace detail
-
-/// Calls task(i) for i in [0, count), over `threads` threads (0: default_threads(); Error for others than 0
-/// to 4096). Tasks must not share what they write: then the result cannot depend on the number of threads.
-/// Where a task throws, no new ones begin, and the first exception goes to the caller.
-template <class Task>
-void parallel_for(std::ptrdiff_t count, int threads, const Task& task) {
-  detail::check_threads(threads);
-#ifdef _OPENMP
-  const int team = threads > 0 ? threads : default_threads();
-  if (team > 1) {
-    detail::FirstException first;
-#pragma omp parallel for schedule(dynamic, 1) num_threads(team)
-    for (std::ptrdiff_t i = 0; i < count; ++i) {
-      if (first.caught()) continue;
-      try {
-        task(i);
-      } catch (...) {
-        first.keep();
-      }
-    }
-    first.rethrow();
-    return;
-  }
+#if RBRES_HAS_THREADS
+/// Until `value` is no longer `before`. Spins for some microseconds, which short pieces of work need, and
+/// then sleeps: where other work holds a processor, the thread that it keeps waiting must not be kept from it
+/// by those that wait for it.
+inline void wait_for_change(const std::atomic<int>& value, int before) noexcept {
+  for (int spin = 0; spin < 2000; ++spin) {
+    if (value.load(std::memory_order_acquire) != before) return;
+#if defined(__x86_64__)
+    __builtin_ia32_pause();
 #endif
-  for (std::ptrdiff_t i = 0; i < count; ++i) task(i);
+  }
+  value.wait(before, std::memory_order_acquire);
 }
+#endif
+
+}  // namespace detail
 
 /// One of several threads that do many short pieces of work together, as parallel_team() gives it; by default
 /// a thread alone.
@@ -83,6 +86,7 @@ class Team {
  public:
   /// What the threads share.
   struct Shared {
+    std::atomic<int> size{0};                ///< of the team; 0 until all threads that it gets have begun
     std::atomic<std::ptrdiff_t> next{0};     ///< task
     std::atomic<int> arrived{0}, passed{0};  ///< threads that wait, and how often all have
     detail::FirstException exception;
@@ -115,51 +119,70 @@ class Team {
   }
 
  private:
-  /// Until all threads are here. Spins for some microseconds, which short pieces of work need, and then
-  /// sleeps: where other work holds a processor, the thread that it keeps waiting must not be kept from it by
-  /// those that wait for it.
+  /// Until all threads are here.
   void wait() const noexcept {
+#if RBRES_HAS_THREADS
     const int before = shared_->passed.load(std::memory_order_relaxed);
-    if (shared_->arrived.fetch_add(1, std::memory_order_acq_rel) + 1 == size_) {
-      shared_->next.store(0, std::memory_order_relaxed);
-      shared_->arrived.store(0, std::memory_order_relaxed);
-      shared_->passed.store(before + 1, std::memory_order_release);
-      shared_->passed.notify_all();
-      return;
-    }
-    for (int spin = 0; spin < 2000; ++spin) {
-      if (shared_->passed.load(std::memory_order_acquire) != before) return;
-#if defined(__x86_64__)
-      __builtin_ia32_pause();
+    if (shared_->arrived.fetch_add(1, std::memory_order_acq_rel) + 1 < size_)
+      return detail::wait_for_change(shared_->passed, before);
+    shared_->next.store(0, std::memory_order_relaxed);
+    shared_->arrived.store(0, std::memory_order_relaxed);
+    shared_->passed.store(before + 1, std::memory_order_release);
+    shared_->passed.notify_all();
 #endif
-    }
-    shared_->passed.wait(before, std::memory_order_acquire);
   }
 
   int index_ = 0, size_ = 1;
   Shared* shared_ = nullptr;
 };
 
-/// Calls body(team) on each of `threads` threads (0: default_threads()), or of fewer where OpenMP gives
-/// fewer. It may throw where all of them do, as share() does; the caller gets the first exception.
+/// Calls body(team) on each of `threads` threads (0: default_threads()), or of fewer where the system gives
+/// fewer. It may throw where all of them do, as share() does; the caller gets the first exception. Error for
+/// others than 0 to 4096.
 template <class Body>
 void parallel_team(int threads, const Body& body) {
   detail::check_threads(threads);
-#ifdef _OPENMP
-  const int size = threads > 0 ? threads : default_threads();
-  if (size > 1) {
+#if RBRES_HAS_THREADS
+  if (const int asked = threads > 0 ? threads : default_threads(); asked > 1) {
     Team::Shared shared;
-#pragma omp parallel num_threads(size)
+    const auto run = [&](int index) noexcept {
+      try {
+        body(Team(index, shared.size.load(std::memory_order_relaxed), shared));
+      } catch (...) {
+        shared.exception.keep();
+      }
+    };
+    std::vector<std::thread> others;
+    others.reserve(static_cast<std::size_t>(asked - 1));
     try {
-      body(Team(omp_get_thread_num(), omp_get_num_threads(), shared));
+      for (int index = 1; index < asked; ++index)
+        others.emplace_back([&, index] {
+          detail::wait_for_change(shared.size, 0);
+          run(index);
+        });
     } catch (...) {
-      shared.exception.keep();
+      // The system gives no more threads: those that it gave do the work.
     }
+    shared.size.store(1 + static_cast<int>(others.size()), std::memory_order_release);
+    shared.size.notify_all();
+    run(0);
+    for (std::thread& other : others) other.join();
     shared.exception.rethrow();
     return;
   }
 #endif
   body(Team());
+}
+
+/// Calls task(i) for i in [0, count), over `threads` threads (0: default_threads(); Error for others than 0
+/// to 4096). Tasks must not share what they write: then the result cannot depend on the number of threads.
+/// Where a task throws, no new ones begin, and the first exception goes to the caller.
+template <class Task>
+void parallel_for(std::ptrdiff_t count, int threads, const Task& task) {
+  detail::check_threads(threads);
+  const int asked = threads > 0 ? threads : default_threads();
+  const int useful = static_cast<int>(std::clamp<std::ptrdiff_t>(count, 1, asked));
+  parallel_team(useful, [&](const Team& team) { team.share(count, task); });
 }
 
 }  // namespace rbres::RBRES_ABI
