@@ -2,6 +2,7 @@
 #include <functional>
 
 #include "common/command_line.hpp"
+#include "common/files.hpp"
 #include "paper/training.hpp"
 
 namespace {
@@ -15,7 +16,20 @@ struct Options {
   std::uint64_t scenario = 2, seed = 1;
   double seconds = 5;
   std::string out = "rollout";
+  bool force = false;
+
+  std::string prediction_file() const { return out + ".npy"; }
+  std::string truth_file() const { return out + "_truth.npy"; }
+  std::string scene_file() const { return out + ".glb"; }
 };
+
+/// Refuses to overwrite unasked.
+void check_files(const Options& options) {
+  if (options.force) return;
+  for (const auto& file : {options.prediction_file(), options.truth_file(), options.scene_file()})
+    if (is_taken(file))
+      throw Error("--out: " + file + " exists and would be overwritten; --force overwrites it");
+}
 
 /// A predictor of any of the experiment's architectures, and what its file says of it.
 struct AnyPredictor {
@@ -122,20 +136,22 @@ class Rollout {
   }
 
   /// NAME.npy, NAME_truth.npy and NAME.glb: all are written before one takes its place.
-  void write(const std::string& name) const {
+  void write() const {
+    const std::string prediction = options_.prediction_file(), truth = options_.truth_file(),
+                      animation = options_.scene_file();
     const Eigen::Index size = RigidState<double>::size;
-    NpyWriter<double> prediction_file(name + ".npy", {present_, size});
-    NpyWriter<double> truth_file(name + "_truth.npy", {present_, size});
+    NpyWriter<double> prediction_file(prediction, {present_, size});
+    NpyWriter<double> truth_file(truth, {present_, size});
     for (long step = 0; step <= steps_; ++step) {
       prediction_file.append(predicted_[index(step)].vector().head(size * present_));
       truth_file.append(truth_[index(step * stride_)].vector().head(size * present_));
     }
-    scene().write(name + ".glb");
+    scene().write(animation);
     prediction_file.commit();
     truth_file.commit();
-    std::printf("\n%s.npy, %s_truth.npy: %ld times x %d bodies x 13, every %g s\n", name.c_str(),
-                name.c_str(), steps_ + 1, present_, predictor_.horizon);
-    std::printf("%s.glb: truth blue, prediction orange%s\n", name.c_str(),
+    std::printf("\n%s, %s: %ld times x %d bodies x 13, every %g s\n", prediction.c_str(), truth.c_str(),
+                steps_ + 1, present_, predictor_.horizon);
+    std::printf("%s: truth blue, prediction orange%s\n", animation.c_str(),
                 predictor_.world == World::room ? "" : "; falls with the true bodies' centre");
   }
 
@@ -197,7 +213,7 @@ template <BodySet Set>
 void roll_out(const Options& options, const AnyPredictor& predictor) {
   const Rollout<Set> rollout(options, predictor);
   rollout.print_errors();
-  rollout.write(options.out);
+  rollout.write();
 }
 
 }  // namespace
@@ -221,10 +237,12 @@ int main(int argc, char** argv) {
   seed_number(app, "--seed", options.seed, "of the scenarios");
   number(app, "--seconds", options.seconds, 0.0, 600.0, "how far, s");
   app.add_option("--out", options.out, "NAME of the files written")->capture_default_str();
+  app.add_flag("--force", options.force, "overwrite files of that name");
   return run_program("rbres_rollout", app, argc, argv, [&] {
     if (options.model == demonstration && !std::filesystem::exists(demonstration))
       throw Error("--model: there is no " + demonstration +
                   "; rbres_paper --quick --out out/demo makes it, or name another");
+    check_files(options);
     const AnyPredictor predictor = load_any(options.model);
     predictor.set == BodySet::standard ? roll_out<BodySet::standard>(options, predictor)
                                        : roll_out<BodySet::box>(options, predictor);

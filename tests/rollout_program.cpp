@@ -59,23 +59,32 @@ TEST_CASE("what is wrong costs one line and no file") {
   write_bytes(folder / "broken.safetensors", read_bytes(folder / "silent.safetensors").substr(0, 5000));
   std::filesystem::create_directories(folder / "taken.glb");
   const auto error = [&](const std::string& arguments) { return refusal(folder, RBRES_ROLLOUT, arguments); };
-  const std::string good = "--model silent.safetensors --seconds 0.3 ";
+  const std::string here = "--model silent.safetensors --seconds 0.3 ";
+  const std::string good = here + "--out new ";
   CHECK(contains(error(good + "--bogus"), "--bogus"));
   CHECK(contains(error(good + "--scenario -1"), "found -1"));
   CHECK(contains(error(good + "--seed x"), "--seed"));
-  CHECK(contains(error("--model silent.safetensors --seconds 0.25"), "times the model's 0.1 s, found 0.25"));
-  CHECK(contains(error("--model silent.safetensors --seconds 0"), "found 0"));
+  CHECK(contains(error("--out new --model silent.safetensors --seconds 0.25"),
+                 "times the model's 0.1 s, found 0.25"));
+  CHECK(contains(error("--out new --model silent.safetensors --seconds 0"), "found 0"));
   CHECK(contains(error("--model silent.safetensors --seconds nan"), "found nan"));
   CHECK(contains(error("--model silent.safetensors --seconds 1000"), "1000"));
-  CHECK(contains(error("--seconds 0.3 --model missing.safetensors"), "missing.safetensors: cannot read"));
-  CHECK(contains(error("--seconds 0.3 --model broken.safetensors"), "broken.safetensors"));
-  CHECK(contains(error("--seconds 0.3 --model nowhere.safetensors"),
+  CHECK(contains(error("--out new --seconds 0.3 --model missing.safetensors"),
+                 "missing.safetensors: cannot read"));
+  CHECK(contains(error("--out new --seconds 0.3 --model broken.safetensors"), "broken.safetensors"));
+  CHECK(contains(error("--out new --seconds 0.3 --model nowhere.safetensors"),
                  "metadata 'world': expected 'free' or 'room', found none"));
-  CHECK(contains(error("--seconds 0.3 --model old.safetensors"), "metadata 'scenarios'"));
-  CHECK(contains(error("--seconds 0.3 --model other.safetensors"),
+  CHECK(contains(error("--out new --seconds 0.3 --model old.safetensors"), "metadata 'scenarios'"));
+  CHECK(contains(error("--out new --seconds 0.3 --model other.safetensors"),
                  "found rbres::Sequential<rbres::Linear<95, 65>>"));
-  CHECK(contains(error(good + "--out nowhere/a"), "nowhere/a.npy: cannot write"));
-  CHECK(contains(error(good + "--out taken"), "taken.glb: expected a regular file"));
-  CHECK(contains(error(""), "; rbres_paper --quick --out out/demo makes it"));
+  CHECK(contains(error(here + "--out nowhere/a"), "nowhere/a.npy: cannot write"));
+  CHECK(contains(error(here + "--out taken"),
+                 "--out: taken.glb exists and would be overwritten; --force overwrites it"));
+  CHECK(contains(error(here + "--out taken --force"), "taken.glb: expected a regular file"));
+  CHECK(contains(error(here), "--out: rollout.npy exists and would be overwritten"));
+  const std::string before = read_bytes(folder / "rollout.npy");
+  CHECK(run(folder, here + "--force").status == 0);
+  CHECK(read_bytes(folder / "rollout.npy") != before);
+  CHECK(contains(error("--out new"), "; rbres_paper --quick --out out/demo makes it"));
   CHECK(run(folder, "--help").status == 0);
 }

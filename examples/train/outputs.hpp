@@ -8,6 +8,7 @@
 #include <optional>
 #include <rbres/io.hpp>
 
+#include "../common/files.hpp"
 #include "log.hpp"
 #include "options.hpp"
 
@@ -19,11 +20,6 @@ struct Outputs {
   std::optional<AtomicFile> table;
   std::vector<AtomicFile> claims;  ///< of those that are written again and again; never put in their place
 };
-
-/// Whether there is anything of that name, also a link that leads nowhere.
-inline bool is_taken(const std::string& path) {
-  return std::filesystem::exists(std::filesystem::symlink_status(path));
-}
 
 /// Refuses, before hours of work, to write what is there or cannot be written.
 inline Outputs open_files(const Options& o) {
