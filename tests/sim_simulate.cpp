@@ -328,3 +328,21 @@ TEST_CASE("discrete contact: what lies on the floor does not bounce from a step'
              CHECK(now[0].position.z == doctest::Approx(0.1).epsilon(1e-12));
            });
 }
+
+TEST_CASE("discrete contact: what is pushed into two others meets the nearer one first, however numbered") {
+  // Cube 1 flies into cube 0, which is pushed into cubes 2 and 3.
+  const Body cube(Box{0.1, 0.1, 0.1}, 1.0, dull);
+  System<double, 4, Box<double>> cubes{{cube, cube, cube, cube}};
+  const auto end = [&](int near, int far) {
+    SystemState<double, 4> y;
+    y[1].position = {-0.2, 0, 0};
+    y[1].velocity = {50, 0, 0};
+    y[near].position = {0.205, 0.11, 0};
+    y[far].position = {0.215, -0.11, 0};
+    simulate(cubes, y, nothing, Rk4{}, {.step = 1e-3, .duration = 1e-3, .contacts = ContactMode::discrete});
+    return y;
+  };
+  const auto a = end(2, 3), b = end(3, 2);
+  CHECK(norm(a[2].position - b[3].position) < 1e-15);
+  CHECK(norm(a[3].position - b[2].position) < 1e-15);
+}

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <rbres/body/mechanics.hpp>
 #include <rbres/contact/contact_pair.hpp>
 #include <rbres/core/reserved.hpp>
@@ -231,13 +232,15 @@ class DiscreteContact {
     }
     for (Pair& pair : pairs_) {
       with_manifold(*system_, y, pair.first, pair.second, [&](const auto& m, auto) {
-        for (std::size_t i = 0; i < std::decay_t<decltype(m)>::points; ++i)
+        pair.depth = S(-m.gap[0]);
+        for (std::size_t i = 1; i < std::decay_t<decltype(m)>::points; ++i)
           pair.depth = maximum(pair.depth, S(-m.gap[i]));
       });
     }
-    // In each round every lane takes the deepest of the pairs that it has left.
+    // In each round every lane takes the deepest of the pairs that it has left. Those that are apart count,
+    // too: others may push them into one another.
     for (std::size_t round = 0; round < pairs_.size(); ++round) {
-      S deepest(-1);
+      S deepest(std::numeric_limits<typename Constants<S>::Real>::lowest());
       for (const Pair& pair : pairs_) deepest = select(pair.open, maximum(deepest, pair.depth), deepest);
       MaskOf<S> free(true);
       for (Pair& pair : pairs_) {
@@ -253,7 +256,7 @@ class DiscreteContact {
  private:
   struct Pair {
     int first, second;  ///< as in Candidate
-    S depth;            ///< at the end of the step, m
+    S depth;            ///< at the end of the step, m; negative: apart
     MaskOf<S> open;     ///< near each other when the pairs were found, and not yet taken
   };
 
