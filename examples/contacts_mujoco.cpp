@@ -127,6 +127,13 @@ Trajectory by_rbres(const ThrowOptions& options, const Start& start, double& sec
 }
 
 void run(const ThrowOptions& options) {
+  const std::filesystem::path folder = options.folder;
+  // What cannot be written is found out before the scenes are simulated.
+  for (const char* name : {"train", "test"}) {
+    std::filesystem::create_directories(folder / name);
+    if (!std::filesystem::is_empty(folder / name))
+      detail::refuse((folder / name).string(), "an empty folder", "one that holds something");
+  }
   double seconds = 0;
   const auto write = [&](const char* name, int first, int count) {
     std::vector<Trajectory> scenes;
@@ -136,7 +143,7 @@ void run(const ThrowOptions& options) {
       scenes.push_back((options.rbres ? by_rbres : by_mujoco)(options, start, seconds));
       if ((s + 1) % 100 == 0) std::fprintf(stderr, "%s: %d of %d scenes\n", name, s + 1, count);
     }
-    write_trajectories(std::filesystem::path(options.folder) / name,
+    write_trajectories(folder / name,
                        {frame_time, {0, 0, -9.81}, tray(half_width(options.bodies)), std::move(scenes)});
   };
   write("train", 0, options.train);

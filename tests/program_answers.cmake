@@ -1,5 +1,6 @@
 # PROGRAM from outside: --help says what it takes; what it does not take, numbers that make no sense and files that are
-# missing or broken are refused, each on one line. BROKEN: options that take a file to read, each with those it needs.
+# missing or broken are refused, each on one line. BROKEN: options that take a file to read, each with those it needs;
+# REFUSED: what is no first argument, by default all of the four below.
 cmake_minimum_required(VERSION 3.21)
 get_filename_component(name ${PROGRAM} NAME)
 file(REMOVE_RECURSE ${WORK})
@@ -33,7 +34,11 @@ endforeach()
 
 refuses("--nonsense|is required" --nonsense)
 refuses("--nonsense|is required" --nonsense=1)
-foreach(argument missing broken empty folder)
+if(NOT REFUSED)
+  set(REFUSED "missing+broken+empty+folder")
+endif()
+string(REPLACE "+" ";" arguments "${REFUSED}")
+foreach(argument IN LISTS arguments)
   refuses("${argument}" ${argument})
 endforeach()
 # A program that takes a file or a folder reads that first; the second is too many for all of them.
