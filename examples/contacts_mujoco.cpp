@@ -129,11 +129,7 @@ Trajectory by_rbres(const ThrowOptions& options, const Start& start, double& sec
 void run(const ThrowOptions& options) {
   const std::filesystem::path folder = options.folder;
   // What cannot be written is found out before the scenes are simulated.
-  for (const char* name : {"train", "test"}) {
-    std::filesystem::create_directories(folder / name);
-    if (!std::filesystem::is_empty(folder / name))
-      detail::refuse((folder / name).string(), "an empty folder", "one that holds something");
-  }
+  for (const char* name : {"train", "test"}) detail::make_empty_folder(folder / name);
   double seconds = 0;
   const auto write = [&](const char* name, int first, int count) {
     std::vector<Trajectory> scenes;

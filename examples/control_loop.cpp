@@ -98,7 +98,7 @@ long steer(const char* how, double period, const Decide& decide) {
 }  // namespace
 
 int main(int argc, char** argv) try {
-  if (asks_for_help(argc, argv)) return print_help(usage);
+  if (asks_for_help(argc, argv)) return print_help(argv, usage);
   for (int i = 1; i < argc; ++i)
     if (i > 1 || argv[i][0] == '-') return refuse_argument(argv, argv[i]);
   const BallPredictor predictor = argc > 1 ? loaded(argv[1]) : trained();
@@ -109,7 +109,7 @@ int main(int argc, char** argv) try {
         [&](const auto&... at) { return best_push(flow, at...); });
   const long allocated = steer("pushes by the learned predictor", predictor.horizon,
                                [&](const auto&... at) { return best_push(network, at...); });
-  return allocated == 0 ? 0 : 1;
+  return allocated == 0 ? finish(argv) : 1;
 } catch (const std::exception& problem) {
   std::fprintf(stderr, "control_loop: %s\n", problem.what());
   return 2;

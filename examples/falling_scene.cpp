@@ -38,4 +38,5 @@ int main(int argc, char** argv) {
                                  std::printf("   %8.3f\n", fastest);
                                });
   std::printf("%ld steps, %ld impacts\n", report.steps, report.impacts);
+  return finish(argv);
 }

@@ -39,4 +39,5 @@ int main(int argc, char** argv) {
   const float y = trainer.best().forward({0.5f, 0.5f})[0];
   std::printf("f(0.5, 0.5) = %.4f, the network says %.4f\n", std::sin(1.0) * std::exp(-0.25),
               static_cast<double>(y));
+  return finish(argv);
 }

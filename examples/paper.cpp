@@ -16,8 +16,9 @@ ScenarioData make_data(const Bench<Set>& bench, Eigen::Index count) {
   const auto& horizons = bench.plan.horizons;
   std::printf("\n%s: %ld scenarios over %g s\n", bench.label().c_str(), static_cast<long>(count),
               horizons.back());
-  write_dataset(folder, bench.sampler(), count, horizons, {}, ScenarioProgress(count));
-  std::printf("\n");
+  ScenarioProgress progress(count);
+  write_dataset(folder, bench.sampler(), count, horizons, {}, progress);
+  progress.end();
   return read_dataset(folder, bench.sampler(), count, horizons);
 }
 
@@ -111,6 +112,7 @@ int main(int argc, char** argv) {
   app.add_option("--commit", commit, "what results.md says of the version of the sources");
   return run_program("rbres_paper", app, argc, argv, [&] {
     const Plan plan = quick ? quick_plan() : full_plan();
+    if (!json.empty()) const AtomicFile writable(json);  // else that would be said after hours
     const Store store(folder.empty() ? (quick ? "rbres_paper_quick" : "rbres_paper") : folder);
     std::printf("%s: %d networks to train; results go to %s\n",
                 quick ? "The quick experiment" : "The whole experiment", static_cast<int>(plan.units.size()),

@@ -23,12 +23,13 @@ struct Options {
   std::string scene_file() const { return out + ".glb"; }
 };
 
-/// Refuses to overwrite unasked.
+/// Refuses to overwrite unasked, and files that cannot be written.
 void check_files(const Options& options) {
-  if (options.force) return;
-  for (const auto& file : {options.prediction_file(), options.truth_file(), options.scene_file()})
-    if (is_taken(file))
+  for (const auto& file : {options.prediction_file(), options.truth_file(), options.scene_file()}) {
+    if (!options.force && is_taken(file))
       throw Error("--out: " + file + " exists and would be overwritten; --force overwrites it");
+    const AtomicFile writable(file);
+  }
 }
 
 /// A predictor of any of the experiment's architectures, and what its file says of it.
@@ -137,6 +138,7 @@ class Rollout {
 
   /// NAME.npy, NAME_truth.npy and NAME.glb: all are written before one takes its place.
   void write() const {
+    check_files(options_);  // another program may have written some meanwhile
     const std::string prediction = options_.prediction_file(), truth = options_.truth_file(),
                       animation = options_.scene_file();
     const Eigen::Index size = RigidState<double>::size;
@@ -146,13 +148,17 @@ class Rollout {
       prediction_file.append(predicted_[index(step)].vector().head(size * present_));
       truth_file.append(truth_[index(step * stride_)].vector().head(size * present_));
     }
-    scene().write(animation);
+    GltfScene scene = motions();
+    std::string view;
+    if (predictor_.world == World::free_space)
+      view = detail::text("; falls with the true bodies' centre, above a grid of squares ", scene.add_grid(),
+                          " m wide");
+    scene.write(animation);
     prediction_file.commit();
     truth_file.commit();
     std::printf("\n%s, %s: %ld times x %d bodies x 13, every %g s\n", prediction.c_str(), truth.c_str(),
                 steps_ + 1, present_, predictor_.horizon);
-    std::printf("%s: truth blue, prediction orange%s\n", animation.c_str(),
-                predictor_.world == World::room ? "" : "; falls with the true bodies' centre");
+    std::printf("%s: truth blue, prediction orange%s\n", animation.c_str(), view.c_str());
   }
 
  private:
@@ -174,7 +180,7 @@ class Rollout {
     return measure(data_, index(step * stride_ - 1), 0, state.vector(), body.inertia(), body.mass());
   }
 
-  GltfScene scene() const {
+  GltfScene motions() const {
     // Free space has no walls to see the fall by, and bodies fall a hundred metres: so the eye falls along.
     std::vector<State> truth = truth_, predicted = predicted_;
     if (predictor_.world == World::free_space) {

@@ -23,4 +23,5 @@ int main(int argc, char** argv) {
              const double spin = now[0].angular_velocity.y;
              std::printf("%8.1f   %+5.2f  %*s\n", time, spin, 20 + static_cast<int>(3 * spin), "o");
            });
+  return finish(argv);
 }

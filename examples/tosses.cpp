@@ -124,7 +124,7 @@ void run(const std::filesystem::path& folder, std::filesystem::path test_file, b
 int main(int argc, char** argv) {
   std::string folder, test_file;
   bool json = false;
-  if (asks_for_help(argc, argv)) return print_help(usage);
+  if (asks_for_help(argc, argv)) return print_help(argv, usage);
   for (int i = 1; i < argc; ++i) {
     const std::string argument = argv[i];
     if (argument == "--json") {
@@ -151,5 +151,5 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "rbres_tosses: %s\n", error.what());
     return 2;
   }
-  return 0;
+  return finish(argv);
 }

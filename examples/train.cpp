@@ -1,16 +1,13 @@
-// Simulates, trains, evaluates and saves one predictor.
+// Trains a network, evaluates and saves it: on simulated scenarios, or on data of one's own.
 #include "train/run.hpp"
 
 int main(int argc, char** argv) {
   CLI::App app{
-      "Simulates scenarios, trains a network to predict them, and saves the model. Prints the errors on a\n"
-      "tenth of the scenarios, which the network never saw, beside those of the contact-free flow.\n"
-      "Overwrites no file."};
+      "Trains a network and saves the model: on scenarios that it simulates, to predict where bodies will\n"
+      "be, or on your own arrays (--inputs, --targets). Prints the errors on a tenth of the samples, which\n"
+      "the network never saw, beside those of the contact-free flow or of the targets' mean. Overwrites no\n"
+      "file."};
   train::Options o;
   train::add_options(app, o);
-  return run_program("rbres_train", app, argc, argv, [&] {
-    train::Outputs files = train::open_files(o);
-    o.set == rbres::BodySet::standard ? train::run<rbres::BodySet::standard>(o, files)
-                                      : train::run<rbres::BodySet::box>(o, files);
-  });
+  return run_program("rbres_train", app, argc, argv, [&] { train::run(o); });
 }

@@ -21,7 +21,7 @@ constexpr const char* usage =
 int main(int argc, char** argv) {
   bool json = false;
   const char* file = nullptr;
-  if (asks_for_help(argc, argv)) return print_help(usage);
+  if (asks_for_help(argc, argv)) return print_help(argv, usage);
   for (int i = 1; i < argc; ++i) {
     if (std::strcmp(argv[i], "--json") != 0) return refuse_argument(argv, argv[i]);
     json = true;
@@ -49,5 +49,5 @@ int main(int argc, char** argv) {
   for (const auto& row : rows) {
     if (!row.pass()) return 1;
   }
-  return 0;
+  return finish(argv);
 }

@@ -204,3 +204,22 @@ TEST_CASE("nearly parallel capsules meet alike in either order") {
     CHECK(std::abs(m.separation - swapped.separation) < 1e-14);
   }
 }
+
+TEST_CASE("nothing jumps where capsules begin to lie on one another with two points") {
+  const Capsule<double> a{0.1, 0.5}, b{0.15, 0.4};
+  const auto meet = [&](double tilt, double along) {
+    return detect(a, pose({0, 0, 0}), b, pose({0.25, 0, along}, quaternion_exp(Vec3<double>{tilt, 0, 0})));
+  };
+  const auto check_no_jump = [](const auto& at, double two, double one) {
+    while (std::abs(two - one) > 1e-12) {
+      const double middle = 0.5 * (two + one);
+      (at(middle).gap[1] < 1 ? two : one) = middle;
+    }
+    CHECK(at(two).gap[1] < 1);
+    CHECK(at(one).gap[1] > 1);
+    CHECK(std::abs(at(two).separation - at(one).separation) < 1e-11);
+    CHECK(norm(at(two).normal - at(one).normal) < 1e-8);
+  };
+  check_no_jump([&](double tilt) { return meet(tilt, 0.3); }, 0, 0.1);
+  check_no_jump([&](double along) { return meet(5e-3, along); }, 0.3, 1);
+}

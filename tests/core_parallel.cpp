@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <limits>
 #include <numeric>
 #include <rbres/core/parallel.hpp>
 #include <set>
@@ -70,4 +71,27 @@ TEST_CASE("what a task throws reaches the caller, and the threads go on to other
     CHECK(error_of([&] { parallel_team(threads, [](const Team&) { throw Error("all"); }); }) == "all");
     CHECK(calls(10, threads) == std::vector<int>(10, 1));
   }
+}
+
+TEST_CASE("a task that throws in a later piece of work is waited for by all threads of the team") {
+  for (int run = 0; run < 1000; ++run) {
+    CHECK(error_of([] {
+            parallel_team(2, [](const Team& team) {
+              team.share(2, [](std::ptrdiff_t) {});
+              team.share(2, [](std::ptrdiff_t) { throw Error("later"); });
+            });
+          }) == "later");
+  }
+}
+
+TEST_CASE("a task has a number below the count, also of the largest count and after one that threw") {
+  constexpr auto most = std::numeric_limits<std::ptrdiff_t>::max();
+  std::atomic<bool> below_zero{false};
+  CHECK(error_of([&] {
+          parallel_for(most, 8, [&](std::ptrdiff_t i) {
+            if (i < 0) below_zero = true;
+            if (i >= 100) throw Error("far enough");
+          });
+        }) == "far enough");
+  CHECK_FALSE(below_zero);
 }

@@ -117,3 +117,19 @@ TEST_CASE("dense output is of fourth order") {
   // One step's error falls with the fifth power of its length.
   CHECK(std::log2(middle_error(0.05) / middle_error(0.025)) == doctest::Approx(5).epsilon(0.06));
 }
+
+TEST_CASE("no step depends on how the world is turned, however large") {
+  const Vec3<double> torque{0.3, -0.2, 0.1};
+  const auto pushed = [&](const Vec3<double>& moment) {
+    return [moment](const auto&, const RigidState<double>& y) {
+      return Wrench<double>{{}, rotate_back(y.orientation, moment)};
+    };
+  };
+  const Quat<double> turn = normalized(Quat<double>{0.5, -0.7, 0.2, 0.1});
+  auto turned = spinning();
+  turned[0].orientation = turn;
+  turned[0].velocity = rotate(turn, turned[0].velocity);
+  const auto end = fly(top, pushed(torque), Rk4{}, spinning(), 0.0, 0.2),
+             other = fly(top, pushed(rotate(turn, torque)), Rk4{}, turned, 0.0, 0.2);
+  CHECK(norm(end[0].angular_velocity - other[0].angular_velocity) < 1e-13);
+}

@@ -31,15 +31,16 @@ struct Motion {
   std::vector<State> states;
 };
 
-/// Bodies that turn about z by 0.8 rad a frame, whose quaternions stand on either side by turns.
-Motion turning(int frames) {
+/// Bodies that turn about z by 0.8 rad a frame, whose quaternions stand on either side by turns; `size`
+/// scales how far they go.
+Motion turning(int frames, double size = 1) {
   Motion motion;
   for (int k = 0; k < frames; ++k) {
     motion.times.push_back(0.1 * k);
     State state;
     for (int i = 0; i < 3; ++i) {
       const double half = 0.4 * k + i, side = k % 2 ? -1 : 1;
-      state[i].position = {0.1 * k, -0.3 * i, 1.0 / 3 + k};
+      state[i].position = size * Vec3<double>{0.1 * k, -0.3 * i, 1.0 / 3 + k};
       state[i].orientation = {0, 0, side * std::sin(half), side * std::cos(half)};
     }
     motion.states.push_back(state);
@@ -172,12 +173,16 @@ class GlbFile {
     for (const json& mesh : document["meshes"]) {
       for (const json& primitive : mesh["primitives"]) {
         const auto positions = numbers(primitive["attributes"]["POSITION"]);
+        CHECK(primitive["material"].get<std::size_t>() < document["materials"].size());
+        if (primitive.value("mode", 4) == 1) {  // lines
+          CHECK(positions.size() % 6 == 0);
+          continue;
+        }
         const auto normals = numbers(primitive["attributes"]["NORMAL"]);
         const auto indices = numbers(primitive["indices"]);
         CHECK(normals.size() == positions.size());
         CHECK(indices.size() % 3 == 0);
         CHECK(*std::max_element(indices.begin(), indices.end()) < static_cast<double>(positions.size() / 3));
-        CHECK(primitive["material"].get<std::size_t>() < document["materials"].size());
         const auto vector = [](const std::vector<double>& from, double i) {
           return Eigen::Map<const Eigen::Vector3d>(from.data() + 3 * static_cast<std::size_t>(i)).eval();
         };
@@ -317,9 +322,7 @@ Eigen::Vector3d seen(const GlbFile& file, const Eigen::Vector3d& point) {
 TEST_CASE("a camera sees all of the first motion and where others begin, from above") {
   const TemporaryFolder folder;
   for (const double size : {1.0, 1e-3, 1e5}) {
-    Motion motion = turning(9);
-    for (auto& state : motion.states)
-      for (auto& body : state.body) body.position = size * body.position;
+    const Motion motion = turning(9, size);
     const Vec3<double> offset{6 * size, 0, size};
     GltfScene scene;
     scene.add_motion("a", three_bodies(), motion.times, motion.states);
@@ -398,6 +401,44 @@ TEST_CASE("the planes of a room meet at its edges, a floor is a square") {
   CHECK(planes_mesh(nothing_free, 3)["count"] == planes_mesh({}, 3)["count"]);
 }
 
+TEST_CASE("a grid of whole squares lies below all bodies, where the camera sees it") {
+  const TemporaryFolder folder;
+  for (const double size : {1.0, 1e-3, 1e5}) {
+    const Motion motion = turning(9, size);
+    GltfScene scene;
+    CHECK(contains(error_of([&] { scene.add_grid(); }), "glTF grid: expected a scene with a motion"));
+    scene.add_motion("a", three_bodies(), motion.times, motion.states);
+    const double width = scene.add_grid();
+    scene.write(folder / "a.glb");
+    const GlbFile file(folder / "a.glb");
+    CHECK(std::log10(width) == doctest::Approx(std::round(std::log10(width))));
+    const json& mesh = file.document["meshes"][file.node("grid")["mesh"].get<std::size_t>()];
+    const auto ends = file.numbers(mesh["primitives"][0]["attributes"]["POSITION"]);
+    CHECK((ends.size() / 6 > 8 && ends.size() / 6 < 120));
+    Eigen::Vector2d low(1e30, 1e30), high = -low;
+    for (std::size_t i = 0; i < ends.size(); i += 6) {
+      const Eigen::Map<const Eigen::Vector3d> from(ends.data() + i), to(ends.data() + i + 3);
+      CHECK(from.z() == to.z());
+      CHECK((from.x() == to.x()) != (from.y() == to.y()));
+      for (const double x : {from.x(), from.y(), to.x(), to.y()})
+        CHECK(std::abs(x / width - std::round(x / width)) < 1e-4);
+      low = low.cwiseMin(from.head(2)).cwiseMin(to.head(2));
+      high = high.cwiseMax(from.head(2)).cwiseMax(to.head(2));
+    }
+    const double z = ends[2],
+                 reach[] = {0.249, 0.37, 0.299};  // of the three bodies, to their outermost points
+    for (const auto& state : motion.states)
+      for (int i = 0; i < 3; ++i) {
+        const Vec3<double>& at = state[i].position;
+        CHECK(at.z - reach[i] - 0.9 * width > z);
+        CHECK((at.x - reach[i] >= low.x() && at.x + reach[i] <= high.x()));
+        CHECK((at.y - reach[i] >= low.y() && at.y + reach[i] <= high.y()));
+      }
+    const Eigen::Vector3d middle = seen(file, {(low.x() + high.x()) / 2, (low.y() + high.y()) / 2, z});
+    CHECK(middle.head(2).cwiseAbs().maxCoeff() < 1);
+  }
+}
+
 TEST_CASE("bad input is refused, adds nothing and writes nothing") {
   const TemporaryFolder folder;
   const auto path = folder / "a.glb";
@@ -425,7 +466,7 @@ TEST_CASE("bad input is refused, adds nothing and writes nothing") {
   CHECK(contains(error([&](Motion& m) { m.times[1] = nan; }), "found nan"));
   CHECK(contains(error([](Motion& m) { m.times[2] = 1e300; }), "found 1e+300"));
   CHECK(contains(error([&](Motion& m) { m.states[1][2].position.y = nan; }),
-                 "body 2, position at time 1: expected finite numbers, found nan"));
+                 "body 2, position at time 1: expected at most 1e+37 m, found nan"));
   CHECK(contains(error([](Motion& m) { m.states[1][2].position.z = 1e300; }), "found 1e+300"));
   CHECK(contains(error([](Motion& m) {
                    m.states[2][0].orientation = {0, 0, 0, 0};
@@ -434,11 +475,20 @@ TEST_CASE("bad input is refused, adds nothing and writes nothing") {
   CHECK(contains(error([&](Motion& m) { m.states[2][1].orientation.w = nan; }), "found one of length nan"));
   const auto same = [](const Motion&) {};
   CHECK(contains(error(same, {.colour = {0, 0, 1.5, 1}}), "colour: expected numbers in [0, 1], found 1.5"));
-  CHECK(contains(error(same, {.offset = {0, nan, 0}}), "offset: expected finite numbers, found nan"));
+  CHECK(contains(error(same, {.offset = {0, nan, 0}}), "offset: expected at most 1e+37 m, found nan"));
   CHECK(contains(error(same, {.bodies = 4}), "bodies shown: expected a number from 0 to 3, found 4"));
   CHECK(contains(error(same, {.bodies = -1}), "found -1"));
   CHECK_THROWS_AS(scene.add_planes(system.planes(), {}, 0), Error);
   CHECK_THROWS_AS(scene.add_planes(system.planes(), {nan, 0, 0}), Error);
+  CHECK_THROWS_AS(scene.add_planes(system.planes(), {}, 1e200), Error);
+  CHECK_THROWS_AS(scene.add_planes(system.planes(), {1e38, 0, 0}), Error);
+  for (const Plane<double>& plane : {Plane<double>{{0, 0, 0}, 0, {}}, Plane<double>{{0, nan, 1}, 0, {}},
+                                     Plane<double>{{0, 0, 1}, 1e300, {}}})
+    CHECK_THROWS_AS(scene.add_planes(std::vector{plane}), Error);
+  CHECK(contains(error(same, {.offset = {1e308, 0, 0}}), "found 1e+308"));
+  const Motion named = turning(3);
+  CHECK(contains(error_of([&] { scene.add_motion("\xff", system, named.times, named.states); }),
+                 "expected UTF-8"));
 
   const Motion motion = turning(3);
   scene.add_motion("truth", system, motion.times, motion.states);

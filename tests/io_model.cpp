@@ -4,6 +4,7 @@
 #include <cstring>
 #include <limits>
 
+#include <rbres/io/cropped_network.hpp>
 #include <rbres/io/export_header.hpp>
 #include <rbres/io/model.hpp>
 #include <rbres/nn/residual_network.hpp>
@@ -123,6 +124,30 @@ TEST_CASE("names, shapes and order are PyTorch's") {
       file.metadata().at("architecture") ==
       "rbres::Sequential<rbres::Linear<3, 5>, rbres::Tanh, rbres::Residual<rbres::Linear<5, 4>, rbres::Relu, "
       "rbres::Dropout, rbres::Linear<4, 5>>, rbres::Linear<5, 2>>");
+}
+
+TEST_CASE("a cropped network's file is that of the network of these sizes") {
+  const TemporaryFolder folder;
+  const auto path = folder / "model.safetensors";
+  // Wider than a panel of weights.
+  using Wide = Network<float, Sequential<Linear<7, 40>, Relu, Linear<40, 4>>>;
+  using Narrow = Network<float, Sequential<Linear<3, 40>, Relu, Linear<40, 2>>>;
+  const Wide wide(3);
+  save(path, CroppedNetwork<Wide>{wide, 3, 2}, {{"author", "me"}});
+  const auto narrow = load<Narrow>(path);
+  Eigen::Vector<float, 7> x = decltype(x)::Zero();
+  for (int i = 0; i < 10; ++i) {
+    x.head(3).setRandom();
+    CHECK((narrow.forward(x.head(3)) - wide.forward(x).head(2)).norm() < 1e-6f);
+  }
+  CHECK(SafetensorsReader(path).metadata().at("author") == "me");
+
+  const auto error = [&](int inputs, int outputs) {
+    return error_of([&] { save(folder / "new", CroppedNetwork<Wide>{wide, inputs, outputs}); });
+  };
+  CHECK(error(8, 2) == "CroppedNetwork::inputs: expected 1 to 7, found 8");
+  CHECK(error(3, 0) == "CroppedNetwork::outputs: expected 1 to 4, found 0");
+  CHECK(!std::filesystem::exists(folder / "new"));
 }
 
 TEST_CASE("a model of other sizes is refused with both") {

@@ -142,6 +142,8 @@ TEST_CASE("malformed files are refused with what is wrong") {
   const auto shape_error = [&](const std::string& shape) {
     return dictionary_error("{'descr': '<f4', 'fortran_order': False, 'shape': " + shape + ", }");
   };
+  CHECK(contains(dictionary_error("{'descr': '<f\n8\x1b[31m', 'fortran_order': False, 'shape': (2,), }"),
+                 "expected printable characters in the .npy header, found byte 10"));
   const std::string valid = npy(1, "{'descr': '<f4', 'fortran_order': False, 'shape': (2,), }", eight_bytes);
 
   CHECK(contains(error("not NumPy at all"), "expected a NumPy .npy file"));

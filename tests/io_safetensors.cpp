@@ -93,7 +93,7 @@ TEST_CASE("what cannot be written is refused") {
     CHECK(contains(error_of([&] { writer.add("wrong", shape, values); }),
                    "tensor 'wrong': expected a shape of less than 2^63 bytes, found ["));
   writer.metadata["key"] = "\xff";
-  CHECK(contains(error_of([&] { writer.write(folder / "a"); }), "must be UTF-8"));
+  CHECK(contains(error_of([&] { writer.write(folder / "a"); }), "names and metadata in UTF-8"));
   writer.metadata["key"] = "";
   writer.add<float>("filled", {2}, [](float* to) { to[0] = 1, to[1] = 2; });
   CHECK(error_of([&] { writer.write(folder / "a"); }) == "");

@@ -12,6 +12,19 @@ TEST_CASE("a folder that another process works in is refused") {
                  "results: another process works in this folder"));
 }
 
+TEST_CASE("a folder of something else, and a file that cannot be written, are refused at once") {
+  const TemporaryFolder folder;
+  std::filesystem::create_directories(folder / "mine");
+  std::ofstream(folder / "mine/notes.txt") << "my own";
+  CHECK(contains(refusal(folder, RBRES_PAPER, "--quick --out mine"),
+                 "mine: expected an empty folder or one of this program's results, found another"));
+  CHECK(contains(refusal(folder, RBRES_PAPER, "--quick --out new --json none/file.json"), "none/file.json"));
+  CHECK(contains(refusal(folder, RBRES_PAPER, "--quick --out new --json mine"),
+                 "expected a regular file to replace"));
+  CHECK_FALSE(std::filesystem::exists(folder / "mine/parts"));
+  CHECK_FALSE(std::filesystem::exists(folder / "new"));
+}
+
 TEST_CASE("a lock holds as long as it lives, and no folder that is not there") {
   const TemporaryFolder folder;
   const auto error = [&](const char* name) {

@@ -294,6 +294,17 @@ TEST_CASE("transitions of one's own world train a predictor") {
   CHECK_THROWS_WITH_AS(train_predictor(p, {4000, data.starts, data.ends}), doctest::Contains("horizon"),
                        Error);
   CHECK_THROWS_AS(simulate_transitions(world, Gravity{}, Rk4{}, 0, start, options), Error);
+  auto long_quaternion = data;
+  long_quaternion.ends[3][1].orientation = {0, 0, 0, 5};
+  CHECK_THROWS_WITH_AS(
+      train_predictor(p, long_quaternion),
+      "transition 3, end, body 1: orientation: expected a unit quaternion, found one of length 5", Error);
+  // A predictor that could not be trained is as it was.
+  const double mean = p.input.mean[0];
+  CHECK_THROWS_AS(train_predictor(p, {0.05, data.starts, data.ends}, {.threads = -1}), Error);
+  CHECK_THROWS_AS(train_predictor(p, {0.05, data.starts, data.ends}, {.epochs = -1}), Error);
+  CHECK(p.horizon == 0.1);
+  CHECK(p.input.mean[0] == mean);
   const auto refused = [&](const char* what, const auto& change) {
     const auto changed = [&](std::ptrdiff_t i) {
       Start<2> s = start(i);

@@ -1,6 +1,6 @@
 # PROGRAM from outside: --help says what it takes; what it does not take, numbers that make no sense and files that are
-# missing or broken are refused, each on one line. BROKEN: options that take a file to read, each with those it needs;
-# REFUSED: what is no first argument, by default all of the four below.
+# missing or broken are refused, each on one line; a full disk under its output is no success. BROKEN: options that take
+# a file to read, each with those it needs; REFUSED: what is no first argument, by default all of the four below.
 cmake_minimum_required(VERSION 3.21)
 get_filename_component(name ${PROGRAM} NAME)
 file(REMOVE_RECURSE ${WORK})
@@ -31,6 +31,14 @@ foreach(flag --help -h)
     message(SEND_ERROR "${name} ${flag}: expected status 0 and its usage, found ${status} and:\n${help}${err}")
   endif()
 endforeach()
+
+if(EXISTS /dev/full)
+  execute_process(COMMAND ${PROGRAM} --help WORKING_DIRECTORY ${WORK} TIMEOUT 60
+    RESULT_VARIABLE status OUTPUT_FILE /dev/full ERROR_VARIABLE err)
+  if(NOT status EQUAL 2 OR NOT err MATCHES "^${name}: cannot write to stdout: [^\n]+\n$")
+    message(SEND_ERROR "${name} --help >/dev/full: expected status 2 and one line, found ${status} and:\n${err}")
+  endif()
+endif()
 
 refuses("--nonsense|is required" --nonsense)
 refuses("--nonsense|is required" --nonsense=1)

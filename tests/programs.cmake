@@ -2,7 +2,7 @@
 get_property(programs DIRECTORY ${PROJECT_SOURCE_DIR}/examples PROPERTY BUILDSYSTEM_TARGETS)
 # Files to read that are not a program's first argument: the options that come before them, kinds apart by "+".
 set(broken_rbres_rollout "--model")
-set(broken_rbres_train "--start+--resume --checkpoint")
+set(broken_rbres_train "--start+--resume --checkpoint+--targets broken --inputs")
 # This one makes the folder that is its first argument.
 set(refused_rbres_contacts_mujoco "broken+empty")
 foreach(program IN LISTS programs)

@@ -44,6 +44,14 @@ TEST_CASE("a flight predicted by the contact-free flow") {
   CHECK(error.cwiseAbs().maxCoeff() < 1e-4);
   CHECK(moved.norm() > 1);
   CHECK(read_bytes(folder / "a.glb").starts_with("glTF"));
+  // Free space has no floor, so a grid says which way is down; a room has one.
+  CHECK(contains(outcome.out, "falls with the true bodies' centre, above a grid of squares "));
+  CHECK(contains(read_bytes(folder / "a.glb"), "\"grid\""));
+  Metadata room = standard_world;
+  room["world"] = "room";
+  save_silent_predictor(folder / "room.safetensors", room);
+  CHECK(!contains(run(folder, "--model room.safetensors --seconds 0.5 --out b").out, "grid"));
+  CHECK(!contains(read_bytes(folder / "b.glb"), "\"grid\""));
 }
 
 TEST_CASE("what is wrong costs one line and no file") {

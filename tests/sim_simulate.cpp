@@ -331,7 +331,7 @@ TEST_CASE("discrete contact: what lies on the floor does not bounce from a step'
 
 TEST_CASE("discrete contact: what is pushed into two others meets the nearer one first, however numbered") {
   // Cube 1 flies into cube 0, which is pushed into cubes 2 and 3.
-  const Body cube(Box{0.1, 0.1, 0.1}, 1.0, dull);
+  const Body cube(Box<double>{0.1, 0.1, 0.1}, 1.0, dull);
   System<double, 4, Box<double>> cubes{{cube, cube, cube, cube}};
   const auto end = [&](int near, int far) {
     SystemState<double, 4> y;

@@ -9,7 +9,7 @@ TEST_CASE("killed and resumed is unbroken") {
   const TemporaryFolder folder;
   const std::string options = "--epochs 60 --patience 0 ";
   REQUIRE(train(folder, options + "--out unbroken").status == 0);
-  Training(folder, options + "--checkpoint run --out resumed", "epoch   5/").kill();
+  Training(folder, with(options + "--checkpoint run --out resumed"), "epoch   5/").kill();
   CHECK(!std::filesystem::exists(folder / "resumed"));
   const Outcome outcome = train(folder, options + "--checkpoint run --resume --out resumed");
   CHECK(outcome.err == "");
@@ -26,7 +26,7 @@ TEST_CASE("two runs with one --out: the second is refused, the first keeps its m
   const TemporaryFolder folder;
   const std::string options = "--epochs 60 --patience 0 ";
   REQUIRE(train(folder, options + "--out alone").status == 0);
-  Training first(folder, options + "--out both --json table", "epoch   5/");
+  Training first(folder, with(options + "--out both --json table"), "epoch   5/");
   for (const char* second : {"--seed 2 --out both", "--seed 2 --out other --json table"})
     CHECK(contains(refusal(folder, RBRES_TRAIN, with(second)), ": cannot write: another writer holds "));
   CHECK(first.finish() == 0);
@@ -36,7 +36,8 @@ TEST_CASE("two runs with one --out: the second is refused, the first keeps its m
 
 TEST_CASE("two runs with one --checkpoint or one --log: the second is refused") {
   const TemporaryFolder folder;
-  Training first(folder, "--checkpoint run --log log.csv --epochs 60 --patience 0 --out first", "epoch   5/");
+  Training first(folder, with("--checkpoint run --log log.csv --epochs 60 --patience 0 --out first"),
+                 "epoch   5/");
   std::filesystem::remove(folder / "log.csv");
   for (const char* second :
        {"--out new --resume --checkpoint run --epochs 60", "--out new --checkpoint other --log log.csv"}) {
@@ -74,7 +75,7 @@ TEST_CASE("a file that appears at --out stays, and the model is not lost") {
   const TemporaryFolder folder;
   const std::string options = "--epochs 60 --patience 0 ";
   REQUIRE(train(folder, options + "--out alone").status == 0);
-  Training run(folder, options + "--out model", "epoch   5/");
+  Training run(folder, with(options + "--out model"), "epoch   5/");
   write_bytes(folder / "model", "someone's");
   CHECK(run.finish() == 2);
   CHECK(read_bytes(folder / "model") == "someone's");
@@ -90,12 +91,12 @@ TEST_CASE("a disk that is full for a while: the run goes on, and nothing of it i
   const std::string options = "--epochs 200 --patience 0 ";
   REQUIRE(train(folder, options + "--out alone --log whole.csv").status == 0);
   const FileSizeLimit sigxfsz_is_ignored(RLIM_INFINITY);
-  // The pipe holds some 30 epochs that nobody has heard of yet.
-  Training run(folder, options + "--out model --log log.csv --checkpoint run", "epoch   5/");
+  // One line for two epochs; the pipe holds those of some 70 that nobody has heard of yet.
+  Training run(folder, with(options + "--out model --log log.csv --checkpoint run"), "epoch   6/");
   run.limit_files(1000);
-  run.hear("epoch  90/");
+  run.hear("epoch 120/");
   const std::string log = read_bytes(folder / "log.csv");
-  CHECK(!contains(log, "\n80,"));
+  CHECK(!contains(log, "\n110,"));
   run.limit_files(RLIM_INFINITY);
   CHECK(run.finish() == 0);
   CHECK(contains(read_bytes(folder / ".err"), "log.csv: cannot write: "));
@@ -111,7 +112,7 @@ TEST_CASE("a checkpoint that can no longer be written costs no model, and is sai
   const std::string options = "--epochs 60 --patience 0 ";
   REQUIRE(train(folder, options + "--out alone").status == 0);
   std::filesystem::create_directory(folder / "away");
-  Training run(folder, options + "--out model --checkpoint away/run", "epoch   5/");
+  Training run(folder, with(options + "--out model --checkpoint away/run"), "epoch   5/");
   std::filesystem::rename(folder / "away", folder / "gone");
   CHECK(run.finish() == 2);
   const std::string error = read_bytes(folder / ".err");

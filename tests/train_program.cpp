@@ -24,6 +24,7 @@ TEST_CASE("a small run: the model is saved, works elsewhere, and is as good as t
   REQUIRE(outcome.status == 0);
   CHECK(contains(outcome.out, "320 scenarios to train on, 40 to validate, 40 to test"));
   CHECK(contains(outcome.out, "epoch  12/12"));
+  CHECK(!contains(outcome.out, "\r"));
   CHECK(contains(outcome.out, "0.1 s ahead, 40 test scenarios"));
   CHECK(files(folder).size() == 2);
 
@@ -53,6 +54,29 @@ TEST_CASE("a small run: the model is saved, works elsewhere, and is as good as t
   CHECK(contains(loop.out, "200 decisions"));
   CHECK(contains(loop.out, " 0 allocations"));
   CHECK(contains(refusal(folder, RBRES_CONTROL_LOOP, "missing"), "missing: cannot read"));
+}
+
+TEST_CASE("by default what pays, with --paper what the paper trains, but for what other options say") {
+  const TemporaryFolder folder;
+  const auto scenarios = [&](const std::string& options) {
+    Training run(folder, options + " --threads 1", "");
+    const std::string line = run.hear("\n");
+    run.kill();
+    return line;
+  };
+  CHECK(scenarios("") == "room-standard: simulating 20000 scenarios over 0.5 s\n");
+  CHECK(scenarios("--paper") == "free-standard: simulating 100000 scenarios over 5 s\n");
+  const auto network_and_epochs = [&](const std::string& options) {
+    Training run(folder, options + " --scenarios 20 --patience 0 --threads 1", " left\n");
+    const std::string network = run.hear(":");
+    run.hear("epoch   1/");
+    const std::string epochs = run.hear(" ");
+    run.kill();
+    return network + epochs;
+  };
+  CHECK(network_and_epochs("") == "shallow 2x256, residual target, 0.5 s ahead:40 ");
+  for (const char* options : {"--paper --horizon 0.02", "--horizon 0.02 --paper"})
+    CHECK(network_and_epochs(options) == "residual K=10, state target, 0.02 s ahead:200 ");
 }
 
 TEST_CASE("optimisers, schedules, a log; a run is extended, and a model is trained further") {
@@ -160,6 +184,7 @@ TEST_CASE("what is wrong costs one line and no file") {
   CHECK(contains(error("--out new --json table"), "--json: table exists"));
   CHECK(contains(error("--out ''"), "--out: expected the name of a file"));
   CHECK(contains(error("--out new --json ./new"), "--json: ./new is the file of --out, too"));
+  CHECK(contains(error("--data new --checkpoint new"), "--checkpoint: new is the file of --data, too"));
   CHECK(contains(error("--out nowhere/new"), "nowhere/new: cannot write"));
   CHECK(contains(error("--out new --checkpoint run"), "--checkpoint: run exists"));
   CHECK(contains(error("--out new --resume"), "--resume: goes on from a --checkpoint FILE"));

@@ -38,7 +38,7 @@ class Training {
     REQUIRE(::fcntl(ends[1], F_SETPIPE_SZ, 4096) == 4096);
     const std::string at = (folder / "").string();
     const std::string command =
-        "cd '" + at + "' && TMPDIR='" + at + "' exec '" RBRES_TRAIN "' " + with(arguments) + " 2> .err";
+        "cd '" + at + "' && TMPDIR='" + at + "' exec '" RBRES_TRAIN "' " + arguments + " 2> .err";
     child_ = ::fork();
     REQUIRE(child_ >= 0);
     if (child_ == 0) {
@@ -53,10 +53,12 @@ class Training {
   Training(const Training&) = delete;
   Training& operator=(const Training&) = delete;
 
-  void hear(const std::string& until) {
+  /// What it says up to there.
+  std::string hear(const std::string& until) {
     std::string heard;
     for (char c; !contains(heard, until) && ::read(output_, &c, 1) == 1;) heard += c;
     REQUIRE(contains(heard, until));
+    return heard;
   }
   /// From now on its files can grow to so many bytes only.
   void limit_files(rlim_t size) {

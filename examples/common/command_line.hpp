@@ -6,6 +6,8 @@
 #include <cstdio>
 #include <rbres/core/error.hpp>
 
+#include "help.hpp"
+
 /// Adds an option, or a positional argument, that is a number within bounds; what is no number is out of
 /// them.
 template <class T>
@@ -34,9 +36,10 @@ int run_program(const char* name, CLI::App& app, int argc, char** argv, const Ru
   try {
     app.parse(argc, argv);
     run();
-    return 0;
+    return finish(name);
   } catch (const CLI::Success& asked) {  // --help
-    return app.exit(asked);
+    app.exit(asked);
+    return finish(name);
   } catch (const std::exception& problem) {
     std::fprintf(stderr, "%s: %s\n", name, problem.what());
     return 2;

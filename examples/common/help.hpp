@@ -1,6 +1,7 @@
-// The command line of programs that take no options.
+// The command line of programs that take no options, and the end of all.
 #pragma once
 
+#include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
@@ -12,9 +13,20 @@ inline bool asks_for_help(int argc, char** argv) {
   return false;
 }
 
-inline int print_help(const char* usage) {
+/// The exit status of a program that has done its work: 2, with one line of why, where stdout did not take
+/// what it printed.
+inline int finish(const char* program) {
+  const bool failed = std::fflush(stdout) != 0;
+  if (!failed && std::ferror(stdout) == 0) return 0;
+  std::fprintf(stderr, "%s: cannot write to stdout: %s\n", program,
+               failed ? std::strerror(errno) : "an error before its end");
+  return 2;
+}
+inline int finish(char** argv) { return finish(std::filesystem::path(argv[0]).filename().c_str()); }
+
+inline int print_help(char** argv, const char* usage) {
   std::fputs(usage, stdout);
-  return 0;
+  return finish(argv);
 }
 
 /// Says on one line that the argument is none of the program's; the exit status.
@@ -30,5 +42,5 @@ inline int answer(int argc, char** argv, const char* what_it_does) {
   if (!asks_for_help(argc, argv)) return refuse_argument(argv, argv[1]);
   const auto program = std::filesystem::path(argv[0]).filename();
   std::printf("usage: %s [--help]\n%s\n", program.c_str(), what_it_does);
-  return 0;
+  return finish(argv);
 }

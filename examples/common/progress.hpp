@@ -1,9 +1,14 @@
-// How far long work is, on one line that is printed over.
+// How far long work is: on a terminal one line that is printed over, elsewhere (a file, a pipe) a line now
+// and then.
 #pragma once
 
+#include <unistd.h>
+
+#include <algorithm>
 #include <chrono>
 #include <cstdio>
-#include <rbres/nn/trainer.hpp>
+#include <rbres/core/error.hpp>
+#include <rbres/nn/training.hpp>
 #include <string>
 
 /// Minutes and seconds.
@@ -13,13 +18,40 @@ inline std::string clock_text(double seconds) {
   return text;
 }
 
-inline void print_progress(const rbres::EpochReport& r) {
-  std::printf(
-      "\r  epoch %3d/%d   training loss %8.4f   validation loss %8.4f (best %8.4f)   %6.0f samples/s   %s "
-      "left ",
-      static_cast<int>(r.epoch), r.epochs, r.train_loss, r.validation_loss, r.best_loss, r.samples_per_second,
-      clock_text(r.seconds_left).c_str());
-  std::fflush(stdout);
+/// The line of one piece of work.
+class ProgressLine {
+ public:
+  explicit ProgressLine(std::FILE* to = stdout) : to_(to), is_terminal_(::isatty(::fileno(to)) == 1) {}
+
+  /// Says how far the work is. Where there is no terminal, one line for each hundredth of it.
+  void print(double share_done, const std::string& line) {
+    const int hundredths = static_cast<int>(100 * share_done);
+    if (!is_terminal_ && hundredths <= hundredths_) return;
+    hundredths_ = hundredths;
+    width_ = std::max(width_, static_cast<int>(line.size()));
+    if (is_terminal_) std::fprintf(to_, "\r  %-*s ", width_, line.c_str());
+    if (!is_terminal_) std::fprintf(to_, "  %s\n", line.c_str());
+    std::fflush(to_);
+  }
+  /// What follows stands on a line of its own.
+  void end() {
+    if (is_terminal_) std::fprintf(to_, "\n");
+  }
+
+ private:
+  std::FILE* to_;
+  bool is_terminal_;
+  int hundredths_ = -1, width_ = 0;
+};
+
+inline void print_progress(ProgressLine& line, const rbres::EpochReport& r) {
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "epoch %3d/%d   training loss %8.4f   validation loss %8.4f (best %8.4f)   %6.0f samples/s   "
+                "%s left",
+                static_cast<int>(r.epoch), r.epochs, r.train_loss, r.validation_loss, r.best_loss,
+                r.samples_per_second, clock_text(r.seconds_left).c_str());
+  line.print(static_cast<double>(r.epoch) / r.epochs, text);
 }
 
 /// What generate and write_dataset call with the scenarios that are done; the first call may come with those
@@ -31,15 +63,17 @@ class ScenarioProgress {
   void operator()(long done) {
     if (before_ < 0) before_ = done;
     const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-    std::printf("\r  %ld of %ld scenarios", done, count_);
+    std::string text = rbres::detail::text(done, " of ", count_, " scenarios");
     if (done > before_) {
       const double left = seconds * static_cast<double>(count_ - done) / static_cast<double>(done - before_);
-      std::printf(", %s left ", clock_text(left).c_str());
+      text += ", " + clock_text(left) + " left";
     }
-    std::fflush(stdout);
+    line_.print(static_cast<double>(done) / static_cast<double>(count_), text);
   }
+  void end() { line_.end(); }
 
  private:
   long count_, before_ = -1;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  ProgressLine line_;
 };

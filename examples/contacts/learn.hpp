@@ -98,20 +98,22 @@ L learn_law(const TrajectorySet& fit, const TrajectorySet& choose, ContactLearni
   const double start = end.seconds_left();
   double before = start;
   ContactTraining<L> training(fit, choose, options);
+  ProgressLine line(stderr);
   const bool all = training.train([&](const ContactLearningReport& report) {
     const double left = end.seconds_left(), epoch = before - left;
     before = left;
     const double to_go = std::min(left, (start - left) * (1 / report.share_done - 1));
-    std::fprintf(
-        stderr,
-        "\r  rollouts of %2d frames, epoch %d of %d   training loss %.4f   validation loss %.4f   %s "
-        "left ",
+    char text[200];
+    std::snprintf(
+        text, sizeof text,
+        "rollouts of %2d frames, epoch %d of %d   training loss %.4f   validation loss %.4f   %s left",
         options.stages[static_cast<std::size_t>(report.stage)].frames, static_cast<int>(report.epoch.epoch),
         report.epoch.epochs, report.epoch.train_loss, report.epoch.validation_loss,
         clock_text(std::max(0.0, to_go)).c_str());
+    line.print(report.share_done, text);
     return left > epoch;
   });
-  std::fprintf(stderr, "\n");
+  line.end();
   if (!all) std::fprintf(stderr, "  the time was up before all epochs were done\n");
   return training.law();
 }

@@ -3,6 +3,7 @@
 
 #include <cstdio>
 
+#include "../common/progress.hpp"
 #include "../scenarios/compiled.hpp"
 #include "plan.hpp"
 #include "store.hpp"
@@ -120,14 +121,15 @@ struct Bench {
   /// The accuracy of every baseline at every horizon.
   Json baselines() const {
     Json all;
+    ProgressLine line;
     for (std::size_t h = 0; h < plan.horizons.size(); ++h) {
-      std::printf("\r  baselines at %g s   ", plan.horizons[h]);
-      std::fflush(stdout);
+      line.print(static_cast<double>(h) / static_cast<double>(plan.horizons.size()),
+                 detail::text("baselines at ", plan.horizons[h], " s"));
       baselines_at(h, [&](const std::string& method_name, const auto& predict) {
         all[std::to_string(h)][method_name] = method(h, predict);
       });
     }
-    std::printf("\n");
+    line.end();
     return all;
   }
 

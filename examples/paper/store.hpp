@@ -31,7 +31,8 @@ inline void write_text(const std::filesystem::path& path, const std::string& tex
 
 class Store {
  public:
-  /// Throws Error where the folder cannot be made, or another process works in it.
+  /// Throws Error where the folder cannot be made, holds something else than this program's results, or
+  /// another process works in it.
   explicit Store(std::filesystem::path folder)
       : folder_(std::move(folder)), lock_(made(folder_), "works in this folder") {}
 
@@ -74,6 +75,9 @@ class Store {
  private:
   static const std::filesystem::path& made(const std::filesystem::path& folder) {
     std::error_code problem;
+    if (!std::filesystem::is_directory(folder / "parts", problem) &&
+        std::filesystem::is_directory(folder, problem) && !std::filesystem::is_empty(folder, problem))
+      rbres::detail::refuse(folder.string(), "an empty folder or one of this program's results", "another");
     std::filesystem::create_directories(folder / "parts", problem);
     if (!problem) std::filesystem::create_directories(folder / "models", problem);
     if (problem) throw rbres::Error(folder.string() + ": cannot be made: " + problem.message());

@@ -51,9 +51,10 @@ Json time_methods(const Bench<Set>& bench) {
   for (int i = 0; i < plan.timed_scenarios; ++i)
     scenarios.push_back(bench.sampler()(static_cast<std::uint64_t>(i)));
   Json all;
+  ProgressLine line;
   for (std::size_t h = 0; h < plan.horizons.size(); ++h) {
-    std::printf("\r%s: timing every method at %g s   ", bench.label().c_str(), plan.horizons[h]);
-    std::fflush(stdout);
+    line.print(static_cast<double>(h) / static_cast<double>(plan.horizons.size()),
+               detail::text(bench.label(), ": timing every method at ", plan.horizons[h], " s"));
     std::vector<std::pair<std::string, std::string>> names;  // method, kind
     std::vector<TimedCall> calls;
     bench.baselines_at(h, [&](const std::string& method, const auto& predict) {
@@ -91,7 +92,7 @@ Json time_methods(const Bench<Set>& bench) {
           {"median", spreads[i].median}, {"low", spreads[i].low}, {"high", spreads[i].high}};
     }
   }
-  std::printf("\n");
+  line.end();
   return all;
 }
 

@@ -55,9 +55,10 @@ Json train_unit(const Unit& unit, const Bench<Set>& bench) {
   const double before = curve.empty() ? 0.0 : curve.back()[3].get<double>();
   const auto start = Clock::now();
   auto saved = start;
+  ProgressLine line;
   trainer.train([&](const EpochReport& r) {
     curve.push_back({r.epoch, r.train_loss, r.validation_loss, before + since(start)});
-    print_progress(r);
+    print_progress(line, r);
     if (since(saved) > 4) {
       write_text(curve_file, curve.dump());
       save_checkpoint(checkpoint, trainer, made_from);
@@ -65,7 +66,7 @@ Json train_unit(const Unit& unit, const Bench<Set>& bench) {
     }
     return true;
   });
-  std::printf("\n");
+  line.end();
   if (trainer.state().progress.status == TrainingStatus::diverged)
     std::printf("  the loss became infinite: the weights before that are kept\n");
   predictor.network = trainer.best();

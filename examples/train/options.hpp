@@ -25,6 +25,7 @@ struct Options {
   Method method = Method::adam;
   double weight_decay = 0.01, momentum = 0.9, clip = 0;
   int warm_up = 0;
+  std::string inputs, targets;  ///< files of one's own data
   std::string data, start, checkpoint, out = "model.safetensors", json, log;
   bool resume = false;
 };
@@ -94,7 +95,7 @@ inline void add_options(CLI::App& app, Options& o) {
       });
   number(app, "--scenarios", o.scenarios, 10, 10'000'000, "80 % train, 10 % validate, 10 % test");
   number(app, "--epochs", t.epochs, 1, 1'000'000, "at most");
-  number(app, "--batch-size", t.batch_size, 1, 1'000'000, "scenarios per step");
+  number(app, "--batch-size", t.batch_size, 1, 1'000'000, "samples per step");
   number(app, "--learning-rate", t.schedule.initial, 1e-30, 1e30, "of epoch 0");
   choice<Schedule::Kind>(
       app, "--schedule", t.schedule.kind,
@@ -117,6 +118,13 @@ inline void add_options(CLI::App& app, Options& o) {
   number(app, "--min-delta", t.min_delta, 0.0, 1e30, "for --patience a loss is better only if lower by more");
   seed_number(app, "--seed", t.seed, "of the first weights, the shuffling and the dropout");
   number(app, "--threads", t.threads, 0, 4096, "changes no bit; 0: all");
+  CLI::Option* inputs = app.add_option("--inputs", o.inputs,
+                                       "learn your own data instead of scenarios: .npy of float32 or "
+                                       "float64, shape (samples, inputs)");
+  CLI::Option* targets =
+      app.add_option("--targets", o.targets, "what is to be predicted from them: shape (samples, outputs)");
+  inputs->needs(targets);
+  targets->needs(inputs);
   app.add_option(
       "--data", o.data,
       "folder with the scenarios as .npy; made where there is none, which may be stopped and goes on");
@@ -125,9 +133,13 @@ inline void add_options(CLI::App& app, Options& o) {
   app.add_option("--checkpoint", o.checkpoint, "file to save the run to after each epoch");
   app.add_flag("--resume", o.resume,
                "go on from the checkpoint, to the same bits; more --epochs than it had extend its run");
-  app.add_option("--out", o.out, "file of the model; rbres_rollout takes it")->capture_default_str();
+  app.add_option("--out", o.out, "file of the model; rbres_rollout takes that of scenarios")
+      ->capture_default_str();
   app.add_option("--json", o.json, "file for the table's figures");
   app.add_option("--log", o.log, "file for the losses of each epoch, as CSV");
+  for (const char* of_scenarios :
+       {"--paper", "--world", "--set", "--target", "--horizon", "--scenarios", "--data", "--start"})
+    app.get_option(of_scenarios)->excludes(inputs);
 }
 
 }  // namespace train

@@ -36,6 +36,7 @@ inline Outputs open_files(const Options& o) {
       throw Error(option + ": " + file + " exists and would be overwritten" +
                   (option == "--checkpoint" ? "; --resume goes on from it" : ""));
   };
+  check("--data", o.data, true);
   check("--checkpoint", o.checkpoint, o.resume);
   if (o.out.empty()) throw Error("--out: expected the name of a file, found none");
   check("--out", o.out, false);

@@ -72,11 +72,28 @@ class ContactRows {
     return row;
   }
 
-  /// Whether all points are those of one pair, and there are any.
-  bool one_pair() const {
-    return !rows_.empty() && std::all_of(rows_.begin(), rows_.end(), [&](const Row& row) {
-      return row.who.first == rows_[0].who.first && row.who.second == rows_[0].who.second;
-    });
+  /// Where no two pairs share a body that contacts move. Lanes have one island, in which many pairs may touch
+  /// in other lanes alone.
+  MaskOf<S> pairs_apart() const {
+    if constexpr (!Packed<S>) {
+      return std::all_of(rows_.begin(), rows_.end(),
+                         [&](const Row& row) { return same_pair(row, rows_[0]); });
+    } else {
+      std::array<MaskOf<S>, std::size_t(System::bodies)> used;
+      used.fill(MaskOf<S>(false));
+      MaskOf<S> shared(false);
+      for (std::size_t from = 0; from < rows_.size(); from = end_of_pair(from)) {
+        MaskOf<S> active(false);
+        for (std::size_t k = from; k < end_of_pair(from); ++k) active = active | rows_[k].active;
+        for (const int body : {rows_[from].moved.first, rows_[from].moved.second}) {
+          if (body < 0) continue;
+          MaskOf<S>& u = used[static_cast<std::size_t>(body)];
+          shared = shared | (u & active);
+          u = u | active;
+        }
+      }
+      return !shared;
+    }
   }
 
   /// Calls f(row, contact point, first motion, second motion) for each row.
@@ -95,15 +112,20 @@ class ContactRows {
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
     constexpr int few = 12, many = 100;
     const S coarse = as<S>(2000.0) * tolerance;
-    MaskOf<S> open;
-    if (one_pair()) {
-      rows_[0].plane() ? start<FixedPoint>(motion, where, friction, tolerance)
-                       : start<FreePoint>(motion, where, friction, tolerance);
-      open = sweep(motion, where, friction, tolerance, few);
-    } else {
+    const MaskOf<S> apart = pairs_apart(), single = where & apart, joint = where & !apart;
+    MaskOf<S> open(false);
+    if (any(single)) {
+      for (std::size_t from = 0; from < rows_.size(); from = end_of_pair(from)) {
+        rows_[from].plane() ? start<FixedPoint>(from, motion, single, friction, tolerance)
+                            : start<FreePoint>(from, motion, single, friction, tolerance);
+      }
+      open = sweep(motion, single, friction, tolerance, few);
+    }
+    if (any(joint)) {
       // Friction comes second: what it answers before the normals agree only slows it down.
-      open = sweep(motion, where, false, tolerance, few);
-      if (friction) open = sweep(motion, where, true, tolerance, few);
+      MaskOf<S> left = sweep(motion, joint, false, tolerance, few);
+      if (friction) left = sweep(motion, joint, true, tolerance, few);
+      open = open | left;
     }
     if (!any(open) || newton_.solve(*this, motion, open, friction, tolerance)) return;
     open = sweep(motion, open, false, coarse, many);
@@ -111,18 +133,30 @@ class ContactRows {
   }
 
  private:
-  /// Starts the points of one pair from the impulses that Newton's method finds.
+  static bool same_pair(const Row& a, const Row& b) {
+    return a.who.first == b.who.first && a.who.second == b.who.second;
+  }
+  /// The row after those of the pair whose first is this one.
+  std::size_t end_of_pair(std::size_t from) const {
+    std::size_t end = from + 1;
+    while (end < rows_.size() && same_pair(rows_[end], rows_[from])) ++end;
+    return end;
+  }
+
+  /// Starts the points of the pair whose first row this is from the impulses that Newton's method finds.
   template <class Point>
-  void start(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
+  void start(std::size_t from, Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
     const auto at = [](auto& row) -> auto& { return *std::get_if<Point>(&row.at); };
-    const Row& some = rows_[0];
+    const std::size_t end = end_of_pair(from);
+    const Row& some = rows_[from];
     Motion<S>& second = motion[static_cast<std::size_t>(some.who.second)];
     Motion<S>& first = some.plane() ? second : motion[static_cast<std::size_t>(some.who.first)];
     const S rubs = friction ? some.friction : S(0);
     PairNewton<S, std::is_same_v<Point, FixedPoint>, Pair::points> newton(at(some).frame(), first, second);
-    for (const Row& row : rows_) newton.add(at(row), row.target, row.active & where);
+    for (std::size_t i = from; i < end; ++i)
+      newton.add(at(rows_[i]), rows_[i].target, rows_[i].active & where);
     newton.solve(rubs, tolerance);
-    for (std::size_t i = 0; i < rows_.size(); ++i) newton.apply(i, rubs, at(rows_[i]), first, second);
+    for (std::size_t i = from; i < end; ++i) newton.apply(i - from, rubs, at(rows_[i]), first, second);
   }
 
   /// Sweeps to and fro over the points, each time going on along the way so far: nonlinear conjugate

@@ -84,7 +84,8 @@ class Impacts {
       });
     }
     void solve(bool friction, const MaskOf<S>& where) {
-      if (!friction || !rows.one_pair()) rows.solve(motion, where, false, tolerance);
+      const MaskOf<S> normals = friction ? where & !rows.pairs_apart() : where;
+      if (any(normals)) rows.solve(motion, normals, false, tolerance);
       if (friction) rows.solve(motion, where, true, tolerance);
     }
   };

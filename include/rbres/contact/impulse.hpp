@@ -1,5 +1,6 @@
 #pragma once
 
+#include <limits>
 #include <rbres/contact/manifold.hpp>
 
 namespace rbres::RBRES_ABI {
@@ -28,6 +29,15 @@ void set_velocities(RigidState<S>& state, const Motion<S>& motion) {
 }
 
 namespace detail {
+
+/// The worse of `worst` and, where `active`, of a law's fault, m/s. A fault that is no number is worse than
+/// all that are.
+template <class S>
+S worse_of(const S& worst, const MaskOf<S>& active, const S& fault) {
+  const S unknown(std::numeric_limits<typename Constants<S>::Real>::max());
+  const MaskOf<S> known = fault < unknown;
+  return maximum(worst, select(active, select(known, fault, unknown), S(0)));
+}
 
 /// Writes velocities back where `changed`; other lanes keep their bits.
 template <class S>

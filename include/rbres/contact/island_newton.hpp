@@ -130,12 +130,7 @@ class IslandNewton {
   /// the worst law is off, m/s.
   template <class Rows, class Motions>
   S read(Rows& rows, Motions& motion, bool friction, const S& pace) {
-    const S unknown(std::numeric_limits<typename Constants<S>::Real>::max());
     S worst(0);
-    const auto take = [&](const MaskOf<S>& active, const S& fault) {
-      const MaskOf<S> known = fault < unknown;
-      worst = maximum(worst, select(active, select(known, fault, unknown), S(0)));
-    };
     std::size_t k = 0;
     equations_.stay();
     rows.each(motion, [&](auto& row, auto& point, auto& first, auto& second) {
@@ -149,13 +144,14 @@ class IslandNewton {
       const S& g = point.normal_response();
       // The fault itself: of a huge impulse its difference from the projection would be nothing but rounding.
       const MaskOf<S> pushes = r.impulse[0] > r.fault[0] / g;
-      take(row.active, select(pushes, abs_of(r.fault[0]), S(g * abs_of(r.impulse[0]))));
+      const S off = select(pushes, abs_of(r.fault[0]), S(g * abs_of(r.impulse[0])));
+      worst = worse_of<S>(worst, row.active, off);
       if (friction) {
         const S& gt = point.tangent_response();
         const S u = r.impulse[1] - r.fault[1] / gt, v = r.impulse[2] - r.fault[2] / gt;
         const S share = inside(u, v, most);
-        const S off = abs_of(S(r.impulse[1] - share * u)) + abs_of(S(r.impulse[2] - share * v));
-        take(row.active, S(gt * off));
+        const S slip = abs_of(S(r.impulse[1] - share * u)) + abs_of(S(r.impulse[2] - share * v));
+        worst = worse_of<S>(worst, row.active, S(gt * slip));
       }
     });
     return worst;

@@ -114,7 +114,6 @@ class PairNewton {
     }
     Vec3<S> v = velocity_, w = spin_;
     inertia_.respond(impulse, moment, v, w);
-    const S unknown(std::numeric_limits<typename Constants<S>::Real>::max());
     S worst(0);
     for (std::size_t i = 0; i < size_; ++i) {
       Row& r = rows_[i].value;
@@ -127,9 +126,7 @@ class PairNewton {
       const S off = select(r.moved.x > S(0), S(abs(r.fault.x)), S(r.response[0] * abs(r.impulse.x)));
       const S slip =
           r.response[1] * (abs(share * r.moved.y - r.impulse.y) + abs(share * r.moved.z - r.impulse.z));
-      const S fault = off + slip;
-      const MaskOf<S> known = fault < unknown;
-      worst = maximum(worst, select(r.active, select(known, maximum(off, slip), unknown), S(0)));
+      worst = worse_of<S>(worse_of<S>(worst, r.active, off), r.active, slip);
     }
     return worst;
   }

@@ -1,10 +1,11 @@
 #pragma once
 
 // RBRES_ABI is the inline namespace that all of rbres stands in, named after the instructions that the
-// compiler may use. Inline functions and templates compiled for two instruction sets differ. With one name
-// for both, the linker would keep either of them, perhaps the one that the processor cannot run. So each has
-// its own name, and files compiled with different -march may stand in one program. What hands rbres's types
-// from one such file to another does not link.
+// compiler may use, and whether it may use exceptions. Inline functions and templates compiled for two
+// instruction sets differ. With one name for both, the linker would keep either of them, perhaps the one that
+// the processor cannot run. So each has its own name, and files compiled with different -march, or some with
+// -fno-exceptions, may stand in one program. What hands rbres's types from one such file to another does not
+// link.
 //
 // To declare ahead what is rbres's, include this header and open the namespace as rbres does:
 //   namespace rbres::RBRES_ABI { template <class S> struct Vec3; }
@@ -141,6 +142,15 @@
 #define RBRES_ABI_AVXVNNI
 #endif
 
+// Without exceptions a refused input ends in error_handler (error.hpp).
+#if defined(__cpp_exceptions)
+#define RBRES_HAS_EXCEPTIONS 1
+#define RBRES_ABI_EXCEPTIONS
+#else
+#define RBRES_HAS_EXCEPTIONS 0
+#define RBRES_ABI_EXCEPTIONS _noexceptions
+#endif
+
 #define RBRES_ABI_PASTE_8(a, b, c, d, e, f, g, h) a##b##c##d##e##f##g##h
 #define RBRES_ABI_JOIN_8(a, b, c, d, e, f, g, h) RBRES_ABI_PASTE_8(a, b, c, d, e, f, g, h)
 #define RBRES_ABI_1                                                                                     \
@@ -151,4 +161,5 @@
                    RBRES_ABI_AVX512VL, RBRES_ABI_AVX512IFMA, RBRES_ABI_AVX512VBMI, RBRES_ABI_AVX512VBMI2)
 #define RBRES_ABI                                                                                        \
   inline RBRES_ABI_JOIN_8(RBRES_ABI_2, RBRES_ABI_AVX512VNNI, RBRES_ABI_AVX512BF16, RBRES_ABI_AVX512FP16, \
-                          RBRES_ABI_AVX512VPOPCNTDQ, RBRES_ABI_AVX512BITALG, RBRES_ABI_AVXVNNI, )
+                          RBRES_ABI_AVX512VPOPCNTDQ, RBRES_ABI_AVX512BITALG, RBRES_ABI_AVXVNNI,          \
+                          RBRES_ABI_EXCEPTIONS)

@@ -1,7 +1,10 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <charconv>
+#include <cstdio>
+#include <cstdlib>
 #include <rbres/core/abi.hpp>
 #include <sstream>
 #include <stdexcept>
@@ -16,6 +19,11 @@ namespace rbres {
 class Error : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
+
+/// What files compiled without exceptions call in place of throwing an Error, with its words. It must not
+/// return: where it does, and where it is null, as it is at first, the words go to stderr and the program
+/// aborts.
+inline std::atomic<void (*)(const char* what)> error_handler{nullptr};
 
 }  // namespace rbres
 
@@ -36,20 +44,50 @@ inline std::string exact(double x) {
   return {text.data(), std::to_chars(text.data(), text.data() + text.size(), x).ptr};
 }
 
+/// Throws Error(what); without exceptions, see error_handler.
+[[noreturn]] inline void fail(const std::string& what) {
+#if RBRES_HAS_EXCEPTIONS
+  throw Error(what);
+#else
+  if (const auto handler = error_handler.load()) handler(what.c_str());
+  std::fprintf(stderr, "rbres: %s\n", what.c_str());
+  std::abort();
+#endif
+}
+
+/// Calls f(); where it throws, otherwise(), which may throw again.
+template <class F, class Otherwise>
+void attempt(const F& f, [[maybe_unused]] const Otherwise& otherwise) {
+#if RBRES_HAS_EXCEPTIONS
+  try {
+    f();
+  } catch (...) {
+    otherwise();
+  }
+#else
+  f();
+#endif
+}
+
 /// Throws "WHAT: expected EXPECTED, found FOUND".
 template <class Found>
 [[noreturn]] void refuse(std::string_view what, std::string_view expected, const Found& found) {
-  throw Error(text(what, ": expected ", expected, ", found ", found));
+  fail(text(what, ": expected ", expected, ", found ", found));
 }
 
-/// Calls f(); what it refuses begins with who(), such as "plane 1, ", which says whose fault it is.
+/// Calls f(); what it refuses begins with who(), such as "plane 1, ", which says whose fault it is. Without
+/// exceptions it begins with nothing.
 template <class Who, class F>
-decltype(auto) naming(const Who& who, const F& f) {
+decltype(auto) naming([[maybe_unused]] const Who& who, const F& f) {
+#if RBRES_HAS_EXCEPTIONS
   try {
     return f();
   } catch (const Error& fault) {
-    throw Error(text(who(), fault.what()));
+    fail(text(who(), fault.what()));
   }
+#else
+  return f();
+#endif
 }
 
 }  // namespace rbres::RBRES_ABI::detail

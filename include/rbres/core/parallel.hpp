@@ -87,8 +87,9 @@ class Team {
   /// What the threads share.
   struct Shared {
     std::atomic<int> size{0};                ///< of the team; 0 until all threads that it gets have begun
-    std::atomic<std::ptrdiff_t> next{0};     ///< task
+    std::atomic<std::size_t> next{0};        ///< task; beyond the last it counts on, and has room for it
     std::atomic<int> arrived{0}, passed{0};  ///< threads that wait, and how often all have
+    std::atomic<bool> failed{false};         ///< whether a task had thrown when all had arrived
     detail::FirstException exception;
   };
 
@@ -107,15 +108,19 @@ class Team {
       for (std::ptrdiff_t i = 0; i < count; ++i) task(i);
       return;
     }
-    try {
-      for (std::ptrdiff_t i = 0; (i = shared_->next.fetch_add(1, std::memory_order_relaxed)) < count;)
-        task(i);
-    } catch (...) {
-      shared_->exception.keep();
-      shared_->next.store(count, std::memory_order_relaxed);
-    }
+    const auto tasks = static_cast<std::size_t>(std::max<std::ptrdiff_t>(count, 0));
+    detail::attempt(
+        [&] {
+          for (std::size_t i = 0; (i = shared_->next.fetch_add(1, std::memory_order_relaxed)) < tasks;)
+            task(static_cast<std::ptrdiff_t>(i));
+        },
+        [&] {
+          shared_->exception.keep();
+          shared_->next.store(tasks, std::memory_order_relaxed);
+        });
     wait();
-    if (shared_->exception.caught()) shared_->exception.rethrow();
+    // Not whether one has thrown by now: a faster thread may be at the next piece of work already.
+    if (shared_->failed.load(std::memory_order_relaxed)) shared_->exception.rethrow();
   }
 
  private:
@@ -127,6 +132,7 @@ class Team {
       return detail::wait_for_change(shared_->passed, before);
     shared_->next.store(0, std::memory_order_relaxed);
     shared_->arrived.store(0, std::memory_order_relaxed);
+    shared_->failed.store(shared_->exception.caught(), std::memory_order_relaxed);
     shared_->passed.store(before + 1, std::memory_order_release);
     shared_->passed.notify_all();
 #endif
@@ -146,23 +152,21 @@ void parallel_team(int threads, const Body& body) {
   if (const int asked = threads > 0 ? threads : default_threads(); asked > 1) {
     Team::Shared shared;
     const auto run = [&](int index) noexcept {
-      try {
-        body(Team(index, shared.size.load(std::memory_order_relaxed), shared));
-      } catch (...) {
-        shared.exception.keep();
-      }
+      const auto work = [&] { body(Team(index, shared.size.load(std::memory_order_relaxed), shared)); };
+      detail::attempt(work, [&] { shared.exception.keep(); });
     };
     std::vector<std::thread> others;
     others.reserve(static_cast<std::size_t>(asked - 1));
-    try {
+    const auto start = [&] {
       for (int index = 1; index < asked; ++index)
         others.emplace_back([&, index] {
           detail::wait_for_change(shared.size, 0);
           run(index);
         });
-    } catch (...) {
+    };
+    detail::attempt(start, [] {
       // The system gives no more threads: those that it gave do the work.
-    }
+    });
     shared.size.store(1 + static_cast<int>(others.size()), std::memory_order_release);
     shared.size.notify_all();
     run(0);

@@ -21,6 +21,14 @@ bool has_equal_moments(const Body<S, Shape>& body) {
   const MaskOf<S> xy = moment.x == moment.y, yz = moment.y == moment.z;
   return all(xy & yz);
 }
+
+/// A state as forces see it. Between the stages of a step quaternions lose their unit length; what forces
+/// took for a rotation would depend on how the world is turned.
+template <class State>
+[[gnu::always_inline]] inline State with_unit_orientation(State y) {
+  normalize(y);
+  return y;
+}
 }  // namespace detail
 
 /// Takes a system's state h seconds on, without impacts. Body by body where no force couples them.
@@ -40,9 +48,10 @@ template <class System, class Model, class Integrator, class Push = NoPush>
         state[i] = integrator.advance(
             [&](const S& time, const RigidState<S>& y) __attribute__((always_inline)) {
               RigidRate<S, Angular> rate;
+              const auto seen = detail::with_unit_orientation(y);
               set_kinematics(rate, y);
               set_dynamics(rate, system[i], y,
-                           push(y, i, time, detail::local_wrench(forces, system[i], y, i, time)));
+                           push(seen, i, time, detail::local_wrench(forces, system[i], seen, i, time)));
               return rate;
             },
             state[i], t, h);
@@ -59,11 +68,12 @@ template <class System, class Model, class Integrator, class Push = NoPush>
     state = integrator.advance(
         [&](const S& time, const typename System::State& y) {
           SystemRate<S, System::bodies> rate;
+          const auto seen = detail::with_unit_orientation(y);
           for (int i = 0; i < System::bodies; ++i) {
             auto& body = rate.body[static_cast<std::size_t>(i)];
             set_kinematics(body, y[i]);
             set_dynamics(body, system[i], y[i],
-                         push(y[i], i, time, detail::wrench_on(forces, system, y, i, time)));
+                         push(seen[i], i, time, detail::wrench_on(forces, system, seen, i, time)));
           }
           return rate;
         },

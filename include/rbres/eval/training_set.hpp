@@ -1,5 +1,6 @@
 #pragma once
 
+#include <rbres/body/check_state.hpp>
 #include <rbres/nn/trainer.hpp>
 #include <rbres/predict/predictor.hpp>
 #include <rbres/sim/dataset.hpp>
@@ -72,7 +73,8 @@ class TrainingSet {
     predictor.horizon = data.horizons[h];
     encode(predictor, detail::ScenarioSource{&data, h}, first_train, n, threads, normalization);
   }
-  /// The same for transitions of any world.
+  /// The same for transitions of any world; Error also for states with an orientation that is no unit
+  /// quaternion.
   TrainingSet(Predictor& predictor, const Transitions<Predictor::bodies>& data, Eigen::Index first_train,
               Eigen::Index n, int threads = 0, Normalization normalization = Normalization::fit) {
     if (data.ends.size() != data.starts.size())
@@ -83,6 +85,10 @@ class TrainingSet {
       detail::refuse("horizon of transitions",
                      detail::text("from ", Flow::shortest, " to ", Flow::longest, " s"), data.horizon);
     check(std::ssize(data.starts), first_train, n);
+    for (std::size_t i = 0; i < data.starts.size(); ++i) {
+      check_bodies("start", i, data.starts[i].state);
+      check_bodies("end", i, data.ends[i]);
+    }
     predictor.horizon = data.horizon;
     encode(predictor, detail::TransitionSource<Predictor::bodies>{&data}, first_train, n, threads,
            normalization);
@@ -101,6 +107,13 @@ class TrainingSet {
     if (n < 1 || n > count) detail::refuse("scenarios", detail::text("1 to ", count), n);
     if (first_train < 0 || first_train >= n)
       detail::refuse("first training scenario", detail::text("0 to ", n - 1), first_train);
+  }
+
+  template <class State>
+  static void check_bodies(const char* what, std::size_t transition, const State& state) {
+    for (std::size_t b = 0; b < state.body.size(); ++b)
+      detail::naming([&] { return detail::text("transition ", transition, ", ", what, ", body ", b, ": "); },
+                     [&] { detail::check_rigid_state(state.body[b]); });
   }
 
   template <class Source>

@@ -49,9 +49,8 @@ struct LayerName<Linear<In, Out>> {
   static std::string text(LayerText) { return detail::text("rbres::Linear<", In, ", ", Out, ">"); }
 };
 
-template <class... Layers>
-std::string layer_list(std::string_view container, LayerText how) {
-  const std::vector<std::string> layers{LayerName<Layers>::text(how)...};
+inline std::string layer_list(std::string_view container, const std::vector<std::string>& layers,
+                              LayerText how) {
   std::string out(container);
   for (std::size_t i = 0, run = 1; i < layers.size(); i += run, run = 1) {
     if (how == LayerText::shortened)
@@ -62,16 +61,22 @@ std::string layer_list(std::string_view container, LayerText how) {
 }
 template <class... Layers>
 struct LayerName<Sequential<Layers...>> {
-  static std::string text(LayerText how) { return layer_list<Layers...>("rbres::Sequential", how); }
+  static std::string text(LayerText how) {
+    return layer_list("rbres::Sequential", {LayerName<Layers>::text(how)...}, how);
+  }
 };
 template <class... Layers>
 struct LayerName<Residual<Layers...>> {
-  static std::string text(LayerText how) { return layer_list<Layers...>("rbres::Residual", how); }
+  static std::string text(LayerText how) {
+    return layer_list("rbres::Residual", {LayerName<Layers>::text(how)...}, how);
+  }
 };
 /// Of networks that share a block of parameters.
 template <class... Parts>
 struct LayerName<std::tuple<Parts...>> {
-  static std::string text(LayerText how) { return layer_list<Parts...>("std::tuple", how); }
+  static std::string text(LayerText how) {
+    return layer_list("std::tuple", {LayerName<Parts>::text(how)...}, how);
+  }
 };
 
 }  // namespace rbres::RBRES_ABI::detail

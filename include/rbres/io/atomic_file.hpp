@@ -95,7 +95,7 @@ class AtomicFile {
     const bool has_links = linked || (errno != EPERM && errno != EOPNOTSUPP && errno != ENOSYS);
     std::error_code ignored;
     if (!linked && (errno == EEXIST || (!has_links && std::filesystem::exists(path_, ignored))))
-      throw Error(detail::text(path_.string(), ": exists by now and would be overwritten"));
+      detail::fail(detail::text(path_.string(), ": exists by now and would be overwritten"));
     const int moved = has_links ? ::unlink(partial_.c_str()) : std::rename(partial_.c_str(), path_.c_str());
     if ((has_links && !linked) || moved != 0) detail::refuse_file(path_, "write");
     settle();
@@ -109,7 +109,7 @@ class AtomicFile {
     struct stat target {};
     const bool replaces = ::stat(path_.c_str(), &target) == 0;
     if (replaces && !S_ISREG(target.st_mode))
-      throw Error(
+      detail::fail(
           detail::text(path_.string(), ": expected a regular file to replace, found a folder or a device"));
     // Another process may take or clear the same leftover between two calls; then it is looked at again.
     for (int attempt = 0; attempt < 100; ++attempt) {
@@ -155,11 +155,11 @@ class AtomicFile {
   }
 
   [[noreturn]] void refuse_left() const {
-    throw Error(detail::text(path_.string(), ": cannot write: ", partial_.string(),
-                             " is not what a killed run leaves there; remove it"));
+    detail::fail(detail::text(path_.string(), ": cannot write: ", partial_.string(),
+                              " is not what a killed run leaves there; remove it"));
   }
   [[noreturn]] void refuse_writer() const {
-    throw Error(detail::text(path_.string(), ": cannot write: another writer holds ", partial_.string()));
+    detail::fail(detail::text(path_.string(), ": cannot write: another writer holds ", partial_.string()));
   }
 
   detail::FileDescriptor cut(detail::FileDescriptor left, std::uint64_t size) const {

@@ -112,7 +112,7 @@ class DatasetFolder {
   void make() const {
     std::error_code problem;
     std::filesystem::create_directories(path_, problem);
-    if (problem) throw Error(detail::text(text(), ": cannot be made: ", problem.message()));
+    if (problem) detail::fail(detail::text(text(), ": cannot be made: ", problem.message()));
     if (described()) return;
     for (const auto& entry : std::filesystem::directory_iterator(path_))
       if (entry.path() != AtomicFile::partial(description()))

@@ -25,7 +25,7 @@ static_assert(std::endian::native == std::endian::little,
 /// Throws "PATH: cannot VERB: REASON" with the reason that errno gives.
 [[noreturn]] inline void refuse_file(const std::filesystem::path& path, std::string_view verb) {
   const int reason = errno;
-  throw Error(text(path.string(), ": cannot ", verb, ": ", std::generic_category().message(reason)));
+  fail(text(path.string(), ": cannot ", verb, ": ", std::generic_category().message(reason)));
 }
 
 /// a · b, a size in a file that must stay below 2^63; Error that names the path when it does not.
@@ -75,7 +75,7 @@ class InputFile {
       const ssize_t got = ::pread(file_.get(), out, size, static_cast<off_t>(offset));
       if (got < 0 && errno == EINTR) continue;
       if (got < 0) refuse_file(path_, "read");
-      if (got == 0) throw Error(text(path_.string(), ": the file shrank while it was read"));
+      if (got == 0) fail(text(path_.string(), ": the file shrank while it was read"));
       out += got;
       offset += static_cast<std::uint64_t>(got);
       size -= static_cast<std::size_t>(got);
@@ -88,7 +88,7 @@ class InputFile {
     const auto status = std::filesystem::status(path, ignored);
     // Opening a pipe would wait for its writer, and the size of a device means nothing.
     if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
-      throw Error(text(path.string(), ": expected a regular file, found a folder or a device"));
+      fail(text(path.string(), ": expected a regular file, found a folder or a device"));
     FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
     if (!file.valid()) refuse_file(path, "read");
     return file;

@@ -21,7 +21,7 @@ class FolderLock {
       : folder_(::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
     if (!folder_.valid()) detail::refuse_file(folder, "read");
     if (::flock(folder_.get(), LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK)
-      throw Error(detail::text(folder.string(), ": another process ", does));
+      detail::fail(detail::text(folder.string(), ": another process ", does));
   }
 
  private:

@@ -15,6 +15,7 @@
 #include <rbres/body/system.hpp>
 #include <rbres/io/gltf_file.hpp>
 #include <rbres/io/gltf_mesh.hpp>
+#include <rbres/io/json_file.hpp>
 
 namespace rbres::RBRES_ABI {
 
@@ -52,10 +53,13 @@ class GltfScene {
 
   /// Adds the bodies of `system`, moving through states[k] at times[k] (s). Throws Error, and adds nothing,
   /// unless there is a state per time, at least one, the times increase from 0 or later (as floats), all
-  /// numbers are finite (as floats) and all orientations unit quaternions.
+  /// lengths are at most 1e37 m (the file's numbers are floats), all orientations unit quaternions, and the
+  /// name is UTF-8.
   template <class System>
   void add_motion(const std::string& name, const System& system, std::span<const double> times,
                   std::span<const typename System::State> states, const GltfStyle& style = {}) {
+    if (!detail::is_utf8(nlohmann::json(name)))
+      detail::refuse("glTF motion, name", "UTF-8", "bytes that are not");
     const std::string what = "glTF motion '" + name + "'";
     const std::vector<float> seconds = checked_times(what, times, states.size());
     check_style(what, style, System::bodies);
@@ -86,18 +90,39 @@ class GltfScene {
   }
 
   /// Adds the faces of planes (of a room, a floor) as far as `half_width` (m) from the world's origin along
-  /// each. They are seen from their free side alone: a room is open to the eye from everywhere.
+  /// each. They are seen from their free side alone: a room is open to the eye from everywhere. Throws Error,
+  /// and adds nothing, for planes that no System takes, and for lengths above 1e37 m.
   template <class S>
   void add_planes(const std::vector<Plane<S>>& planes, const Vec3<double>& offset = {},
                   double half_width = 10) {
-    if (!(half_width > 0) || !is_finite(half_width))
-      detail::refuse("glTF planes, half width", "a positive length", half_width);
+    if (!(half_width > 0)) detail::refuse("glTF planes, half width", "a positive length", half_width);
+    check_length("glTF planes, half width", half_width);
     check_offset("glTF planes", offset);
-    const detail::GltfMesh mesh = detail::mesh_of(planes, half_width);
+    const auto checked = detail::checked_planes(planes);
+    for (const Plane<S>& plane : checked) check_length("glTF planes, offset", plane.offset);
+    const detail::GltfMesh mesh = detail::mesh_of(checked, half_width);
     if (mesh.positions.empty()) return;
     const auto grey = append_material({0.55, 0.55, 0.55, 1});
     const std::size_t node = file_.append("nodes", {{"mesh", append_mesh(mesh, {grey, grey})}});
     append_group("planes", offset, nlohmann::json::array({node}));
+  }
+
+  /// Adds a horizontal grid of faint lines below all that the camera sees so far: where a world has no floor,
+  /// it says which way is down and how far bodies go. Returns the width of its squares, m, a power of ten.
+  /// Throws Error when the scene has no motion.
+  double add_grid() {
+    if (!(seen_low_.x <= seen_high_.x)) detail::refuse("glTF grid", "a scene with a motion", "none");
+    const Vec3<double> size = seen_high_ - seen_low_;
+    const double width = std::pow(10, std::floor(std::log10(std::max(size.x, size.y) / 5)));
+    const std::vector<float> lines = detail::grid_lines(seen_low_, seen_high_, width);
+    constexpr int pairs_of_ends = 1;  // a primitive's mode
+    const nlohmann::json primitive = {
+        {"attributes", {{"POSITION", file_.append_accessor(lines, 3, detail::GltfTarget::vertices)}}},
+        {"mode", pairs_of_ends},
+        {"material", append_material({0.5, 0.5, 0.5, 0.4})}};
+    const std::size_t mesh = file_.append("meshes", {{"primitives", nlohmann::json::array({primitive})}});
+    file_.json["nodes"][0]["children"].push_back(file_.append("nodes", {{"name", "grid"}, {"mesh", mesh}}));
+    return width;
   }
 
   /// Writes the file (.glb). Throws Error when the scene has no motion; see AtomicFile for the other errors.
@@ -138,8 +163,14 @@ class GltfScene {
   }
 
   static void check_offset(const std::string& what, const Vec3<double>& offset) {
-    for (const double x : {offset.x, offset.y, offset.z})
-      if (!is_finite(x)) detail::refuse(what + ", offset", "finite numbers", x);
+    for (const double x : {offset.x, offset.y, offset.z}) check_length(what + ", offset", x);
+  }
+
+  /// Lengths of which the file's sums stay floats.
+  template <class S>
+  static void check_length(const std::string& what, const S& x) {
+    using std::abs;
+    if (!(abs(x) <= S(longest))) detail::refuse(what, detail::text("at most ", longest, " m"), x);
   }
 
   template <class S>
@@ -157,10 +188,8 @@ class GltfScene {
     for (std::size_t k = 0; k < states.size(); ++k) {
       const auto& state = states[k][body];
       for (const auto& x : {state.position.x, state.position.y, state.position.z}) {
-        const auto number = static_cast<float>(x);
-        if (!is_finite(number))
-          detail::refuse(detail::text(what, ", position at time ", k), "finite numbers", x);
-        result.positions.push_back(number);
+        check_length(detail::text(what, ", position at time ", k), x);
+        result.positions.push_back(static_cast<float>(x));
       }
       Quat<double> q = quat(state.orientation);
       if (!(std::abs(std::sqrt(squared_norm(q)) - 1) < 1e-3))
@@ -247,6 +276,7 @@ class GltfScene {
         {{"sampler", samplers.size() - 1}, {"target", {{"node", node}, {"path", path}}}});
   }
 
+  static constexpr double longest = 1e37;  ///< m
   static constexpr double infinity = std::numeric_limits<double>::infinity();
   static constexpr double field_of_view = 0.7;  ///< rad, from bottom to top
 

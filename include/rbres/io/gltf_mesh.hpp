@@ -125,4 +125,25 @@ GltfMesh mesh_of(const std::vector<Plane<S>>& planes, double half_width) {
   return mesh;
 }
 
+/// The ends of a horizontal grid's lines, pair by pair: through multiples of `width` along x and y, around
+/// all between two corners, and by `width` below them.
+inline std::vector<float> grid_lines(const Vec3<double>& low, const Vec3<double>& high, double width) {
+  const double first_x = std::floor(low.x / width), last_x = std::ceil(high.x / width),
+               first_y = std::floor(low.y / width), last_y = std::ceil(high.y / width);
+  std::vector<float> ends;
+  const auto add = [&](double x, double y) {
+    for (const double number : {x * width, y * width, low.z - width})
+      ends.push_back(static_cast<float>(number));
+  };
+  for (int i = 0; i <= static_cast<int>(last_x - first_x); ++i) {
+    add(first_x + i, first_y);
+    add(first_x + i, last_y);
+  }
+  for (int i = 0; i <= static_cast<int>(last_y - first_y); ++i) {
+    add(first_x, first_y + i);
+    add(last_x, first_y + i);
+  }
+  return ends;
+}
+
 }  // namespace rbres::RBRES_ABI::detail

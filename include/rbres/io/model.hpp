@@ -52,6 +52,34 @@ Model load(const std::filesystem::path& path, Digest digest = Digest::required) 
   return ModelFormat<Model>::read(file);
 }
 
+namespace detail {
+
+/// A few samples, by which a file is checked when it is loaded.
+template <class T, int Size>
+using Probes = Eigen::Matrix<T, Size, 3>;
+
+template <class Net>
+auto probe(const Net& network, const Probes<typename Net::Scalar, Net::input_size>& inputs) {
+  Probes<typename Net::Scalar, Net::output_size> outputs;
+  for (Eigen::Index i = 0; i < inputs.cols(); ++i) outputs.col(i) = network.forward(inputs.col(i));
+  return outputs;
+}
+
+/// Adds a few inputs, of which only the first so many are not 0, and the first so many of their outputs.
+template <class Net>
+void add_probes(SafetensorsWriter& file, const Net& network, int inputs, int outputs) {
+  using T = typename Net::Scalar;
+  Probes<T, Net::input_size> in = Probes<T, Net::input_size>::Zero();
+  Random random(0);
+  for (T& number : in.topRows(inputs).reshaped()) number = static_cast<T>(random.normal());
+  const auto out = probe(network, in);
+  require_finite("the network's outputs", out.data(), static_cast<std::size_t>(out.size()));
+  file.metadata["probe_inputs"] = numbers_to_text(in.topRows(inputs));
+  file.metadata["probe_outputs"] = numbers_to_text(out.topRows(outputs));
+}
+
+}  // namespace detail
+
 /// A network's file is what `safetensors.torch.save_file(module.state_dict(), path)` writes for the
 /// nn.Sequential of the same layers, and loads there: tensors "0.weight" [outputs, inputs] and "0.bias"
 /// [outputs]. Its metadata say the architecture and the scalar type, and hold a few inputs with their
@@ -65,14 +93,8 @@ struct ModelFormat<Network<T, Layers>> {
   /// The network must stay until the file is written.
   static void write(SafetensorsWriter& file, const Model& network) {
     detail::add_parameters<Model>(file, "", network.parameters().data());
-    Inputs inputs;
-    Random random(0);
-    for (T& number : inputs.reshaped()) number = static_cast<T>(random.normal());
-    const Outputs outputs = probe(network, inputs);
-    detail::require_finite("the network's outputs", outputs.data(), Outputs::SizeAtCompileTime);
     file.metadata = network_metadata<Model>();
-    file.metadata["probe_inputs"] = detail::numbers_to_text(inputs);
-    file.metadata["probe_outputs"] = detail::numbers_to_text(outputs);
+    detail::add_probes(file, network, Model::input_size, Model::output_size);
   }
 
   static Model read(const SafetensorsReader& file) {
@@ -91,23 +113,13 @@ struct ModelFormat<Network<T, Layers>> {
   }
 
  private:
-  static constexpr int probes = 3;
-  using Inputs = Eigen::Matrix<T, Model::input_size, probes>;
-  using Outputs = Eigen::Matrix<T, Model::output_size, probes>;
-
-  static Outputs probe(const Model& network, const Inputs& inputs) {
-    Outputs outputs;
-    for (int i = 0; i < probes; ++i) outputs.col(i) = network.forward(inputs.col(i));
-    return outputs;
-  }
-
   static void check_probes(const SafetensorsReader& file, const Model& network) {
-    Inputs inputs;
-    Outputs expected;
+    detail::Probes<T, Model::input_size> inputs;
+    detail::Probes<T, Model::output_size> expected;
     detail::numbers_from_metadata(file, "probe_inputs", inputs);
     detail::numbers_from_metadata(file, "probe_outputs", expected);
     const T tolerance = 8192 * std::numeric_limits<T>::epsilon() * expected.cwiseAbs().maxCoeff();
-    const T error = (probe(network, inputs) - expected).cwiseAbs().maxCoeff();
+    const T error = (detail::probe(network, inputs) - expected).cwiseAbs().maxCoeff();
     if (!(error <= tolerance))
       detail::refuse(file.path().string() + ": outputs for the stored inputs",
                      detail::text("an error of at most ", tolerance), error);

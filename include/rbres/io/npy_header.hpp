@@ -115,6 +115,8 @@ class NpyHeaderParser {
     const auto end = quote == '\'' || quote == '"' ? rest_.find(quote, 1) : std::string_view::npos;
     if (end == std::string_view::npos) refuse(path_.string(), "a quoted string in the .npy header", "none");
     const std::string value(rest_.substr(1, end - 1));
+    for (const char c : value)
+      if (c < ' ' || c > '~') refuse(path_.string(), "printable characters in the .npy header", printable(c));
     rest_.remove_prefix(end + 1);
     return value;
   }

@@ -68,7 +68,7 @@ struct ModelFormat<Predictor<Net, N>> {
     const auto system = [&]<std::size_t... I>(std::index_sequence<I...>) {
       return System<double, N>({body(file, bodies.col(static_cast<Eigen::Index>(I)))...});
     }
-    (std::make_index_sequence<static_cast<std::size_t>(N)>{});
+    (std::make_index_sequence<std::size_t(N)>{});
     Model p{std::move(network), {}, {}, {system, {{f[0], f[1], f[2]}}, {f[3], f[4], f[5]}, {f[6], f[7]}}};
     detail::numbers_from_metadata(file, "input_mean", p.input.mean);
     detail::numbers_from_metadata(file, "input_deviation", p.input.deviation, deviations);

@@ -21,6 +21,7 @@
 #include <rbres/io/atomic_file.hpp>
 #include <rbres/io/digest.hpp>
 #include <rbres/io/file.hpp>
+#include <rbres/io/json_file.hpp>
 #include <rbres/io/safetensors_header.hpp>
 
 namespace rbres::RBRES_ABI {
@@ -131,8 +132,10 @@ class SafetensorsWriter {
     // The widest type first keeps every tensor aligned, also for readers that map the file.
     std::vector<const std::pair<const std::string, Tensor>*> in_order;
     for (const auto& entry : tensors_) in_order.push_back(&entry);
-    std::stable_sort(in_order.begin(), in_order.end(),
-                     [](auto a, auto b) { return a->second.number_bytes > b->second.number_bytes; });
+    std::sort(in_order.begin(), in_order.end(), [](auto a, auto b) {
+      const std::size_t first = a->second.number_bytes, second = b->second.number_bytes;
+      return first != second ? first > second : a->first < b->first;
+    });
     nlohmann::json header = nlohmann::json::object();
     if (!all.empty()) header["__metadata__"] = all;
     std::size_t end = 0;
@@ -141,12 +144,8 @@ class SafetensorsWriter {
       const std::size_t begin = std::exchange(end, end + tensor.size * tensor.number_bytes);
       header[name] = {{"dtype", tensor.dtype}, {"shape", tensor.shape}, {"data_offsets", {begin, end}}};
     }
-    std::string json;
-    try {
-      json = header.dump();
-    } catch (const nlohmann::json::exception& problem) {
-      throw Error(detail::text(path, ": names and metadata must be UTF-8: ", problem.what()));
-    }
+    if (!detail::is_utf8(header)) detail::refuse(path, "names and metadata in UTF-8", "bytes that are not");
+    std::string json = header.dump();
     json.resize((json.size() + 7) / 8 * 8, ' ');
     const std::uint64_t size = json.size();
     Output out{file, {}};
@@ -223,7 +222,7 @@ class SafetensorsReader {
     static_assert(!detail::safetensors_dtype<Scalar>().empty(), "rbres: no safetensors of this type");
     const std::string what = detail::text(path().string(), ": tensor '", name, "'");
     const auto found = tensors_.find(name);
-    if (found == tensors_.end()) throw Error(what + " is missing");
+    if (found == tensors_.end()) detail::fail(what + " is missing");
     const TensorInfo& tensor = found->second;
     if (tensor.dtype != detail::safetensors_dtype<Scalar>())
       detail::refuse(what, detail::text("dtype ", detail::safetensors_dtype<Scalar>()), tensor.dtype);

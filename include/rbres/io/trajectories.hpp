@@ -90,6 +90,14 @@ inline Eigen::Vector3d size_of(const Body<double>& body) {
   return std::visit(size, body.shape());
 }
 
+/// Makes a folder where there is none; refuses one that holds anything.
+inline void make_empty_folder(const std::filesystem::path& folder) {
+  std::error_code problem;
+  std::filesystem::create_directories(folder, problem);
+  if (problem) fail(text(folder.string(), ": cannot be made: ", problem.message()));
+  if (!std::filesystem::is_empty(folder)) refuse(folder.string(), "an empty folder", "one with files in it");
+}
+
 }  // namespace detail
 
 /// The time between frames of a folder of trajectories, s, of which nothing else is read.
@@ -150,12 +158,7 @@ inline void write_trajectories(const std::filesystem::path& folder, const Trajec
   for (const Plane<double>& plane : set.planes())
     if (differs(plane.material)) detail::refuse("planes to write", "the default material", "another");
 
-  std::error_code problem;
-  std::filesystem::create_directories(folder, problem);
-  if (problem) throw Error(detail::text(folder.string(), ": cannot be made: ", problem.message()));
-  if (!std::filesystem::is_empty(folder))
-    detail::refuse(folder.string(), "an empty folder", "one with files in it");
-
+  detail::make_empty_folder(folder);
   using Integer = Eigen::Matrix<std::int64_t, 1, 1>;
   using Number = Eigen::Matrix<double, 1, 1>;
   const Eigen::Index bodies = set[0].bodies();

@@ -179,8 +179,15 @@ template <class T, class Finish>
 template <int Bit, class V, int... J>
 [[gnu::always_inline]] inline void exchange(V& a, V& b, std::integer_sequence<int, J...>) noexcept {
   constexpr int width = sizeof...(J);
+#if defined(__GNUC__) && !defined(__clang__) && __GNUC__ < 12
+  // The older name of the same instruction, with the lanes' numbers in a vector.
+  using Numbers = decltype(a < b);
+  const V low = __builtin_shuffle(a, b, Numbers{((J & Bit) != 0 ? width + J - Bit : J)...});
+  b = __builtin_shuffle(a, b, Numbers{((J & Bit) != 0 ? width + J : J + Bit)...});
+#else
   const V low = __builtin_shufflevector(a, b, ((J & Bit) != 0 ? width + J - Bit : J)...);
   b = __builtin_shufflevector(a, b, ((J & Bit) != 0 ? width + J : J + Bit)...);
+#endif
   a = low;
 }
 

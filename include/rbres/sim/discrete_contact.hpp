@@ -194,7 +194,7 @@ template <class System>
 
 /// All contacts at the end of a step of h (s) from `before` to y, each pair once. Pairs that share a body are
 /// taken deepest first, lane by lane, so that no numbering of bodies and no neighbour in another lane
-/// matters.
+/// matters, but for pairs of exactly one depth: of these the first in the list is taken first.
 template <class System>
 class DiscreteContact {
   using S = typename System::Scalar;
