@@ -11,6 +11,7 @@ namespace rbres::RBRES_ABI {
 ///   (body, state, index, time)    and which body it is, and when (s)
 ///   (system, states, index, time) the whole system: forces between bodies; not with `auto` for the system,
 ///                                 which would pass for a body
+///
 /// Compose with Forces{Gravity{}, FluidFriction{}, ...}; nothing is decided at run time. A model may say with
 /// turns() that it never exerts a torque.
 

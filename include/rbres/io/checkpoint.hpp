@@ -51,7 +51,9 @@ auto state_blocks(State& state) {
 /// as a safetensors file: "network.0.weight", ..., "best.0.weight", ..., "moments.0.0.weight", ... and
 /// "progress" and "history", with a digest of it all. Atomic (see AtomicFile): a run killed at any moment
 /// leaves the whole old checkpoint or the whole new one. Call it after each epoch:
+///
 ///     trainer.train([&](const EpochReport&) { save_checkpoint(path, trainer); return true; });
+///
 /// `metadata` say what else the run depends on, such as its data set, and must be the same when it is
 /// resumed; the keys "architecture", "scalar", "options" and "sha256" are taken. A diverged run saves
 /// nothing: the checkpoint of its last good epoch stays.

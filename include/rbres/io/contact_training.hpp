@@ -9,6 +9,7 @@ namespace rbres::RBRES_ABI {
 
 /// Saves all that the learning of a contact law needs to go on with the same bits: the checkpoint of its
 /// stage's trainer, with the stage's number in the metadata ("stage"). Call it after each epoch:
+///
 ///     training.train([&](const ContactLearningReport&) { save_checkpoint(path, training); return true; });
 template <class Law>
 void save_checkpoint(const std::filesystem::path& path, const ContactTraining<Law>& training) {

@@ -12,6 +12,7 @@
 #include <rbres/io/folder_lock.hpp>
 
 /// Data sets on disk: a folder that anyone's NumPy reads. Arrays count scenarios first, in C order:
+///
 ///     initial.npy        float32 (n, 5, 13)   states at the start, body by body
 ///     wrench.npy         float32 (n, 5, 6)    force and torque on each body
 ///     state_0.5s.npy     float32 (n, 5, 13)   truth at that horizon; one file for each
@@ -21,6 +22,7 @@
 ///     impacts.npy        int32   (n, h)       impacts by each of the h horizons
 ///     dataset.json       what they were made from, how many scenarios are "done", and the SHA-256 of each
 ///                        array's file; its own is that of its text with zeros in the digest's place
+///
 /// Columns and units are those of ScenarioData. The arrays appear when all scenarios are done.
 namespace rbres::RBRES_ABI {
 

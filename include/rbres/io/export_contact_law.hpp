@@ -38,9 +38,11 @@ void export_law(const Law& law, const std::filesystem::path& path, std::string_v
 
 /// Writes a C++ header that holds a learned contact law, so that a program without files simulates by it with
 /// rbres and Eigen alone, to the same bits:
+///
 ///     #include "law.hpp"
 ///     const NAME::Law law = NAME::law();
 ///     simulate(system, state, Gravity{}, Rk4{}, law, {.step = law.scales.frame_time, .duration = 2});
+///
 /// Errors as of export_header() of a network.
 template <int Width, int Rounds, std::floating_point T>
 void export_header(const ContactLaw<Width, Rounds, T>& law, const std::filesystem::path& path,

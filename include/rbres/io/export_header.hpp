@@ -101,9 +101,11 @@ inline std::string weights_reader(std::string_view type, std::string_view networ
 
 /// Writes a C++ header that holds the network, so that a program without files runs it with rbres and Eigen
 /// alone:
+///
 ///     #include "model.hpp"
 ///     const NAME::Network network = NAME::network();
 ///     y = network.forward(x);
+///
 /// The weights stand there as a constexpr array of hexadecimal floats, which lose no bit: weight (row by row)
 /// and bias of every Linear. Atomic; see AtomicFile for the errors. Error too when a number is not finite or
 /// `name` is no name for a namespace of one's own.

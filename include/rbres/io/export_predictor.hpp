@@ -50,9 +50,11 @@ inline std::string body_text(const Body<double>& body) {
 
 /// Writes a C++ header that holds the predictor, network, normalisers and contact-free flow, so that a
 /// program without files runs it with rbres and Eigen alone:
+///
 ///     #include "model.hpp"
 ///     const NAME::Predictor predictor = NAME::predictor();
 ///     state = predictor.predict(state, wrench);
+///
 /// Numbers lose no bit. Atomic; see AtomicFile for the errors. Error too where save() would refuse the
 /// predictor, or `name` is no name for a namespace of one's own.
 template <std::floating_point T, class Layers, int N>

@@ -6,9 +6,11 @@
 #include <vector>
 
 /// Where a step of training has its gradient from. Both kinds have
+///
 ///     run(network, objective, items, mask, team)   the mean over the items, and all that gradients need
 ///     parameter_gradient(team, sink)               sink(place, g, is_weight) for every register, each once
 ///     useful_threads(asked, batch)
+///
 /// The threads of a team call them together.
 namespace rbres::RBRES_ABI::detail {
 

@@ -92,6 +92,7 @@ struct LayerNorm {
 };
 
 /// x + layers(x); the layers must return to the size they started from. In PyTorch:
+///
 ///     class Residual(nn.Sequential):
 ///         def forward(self, x): return x + super().forward(x)
 template <class... Layers>

@@ -14,6 +14,9 @@
 
 namespace rbres::RBRES_ABI {
 
+/// Numbers of items, see Objective.
+using Items = std::span<const std::uint32_t>;
+
 /// What training makes small: the mean over items of something that a network's parameters decide. An item is
 /// a number in [0, count()), and means whatever the objective says: a column with its target, a rollout.
 ///
@@ -35,8 +38,6 @@ namespace rbres::RBRES_ABI {
 ///
 /// An objective may also have a digest() (std::uint64_t) of all that its values depend on; with it a
 /// checkpoint knows its own objective again.
-using Items = std::span<const std::uint32_t>;
-
 template <class O, class Net>
 concept Objective = requires(const O& objective, const Net& network, Items items, const DropoutMask& mask,
                              typename O::Scratch& scratch, ParameterGradient<Net>& gradient) {

@@ -25,6 +25,7 @@ using BlockNetwork =
 /// The network of "Predicting 3D Rigid Body Dynamics with Deep Residual Network" (arXiv 2407.18798, section
 /// 3), whose Width is 256 and whose released program has 10 blocks: Linear, ReLU, Blocks times x + W2
 /// drop(relu(W1 x + b1)) + b2, Linear. In PyTorch, with the class Residual of layers.hpp:
+///
 ///     nn.Sequential(nn.Linear(In, Width), nn.ReLU(),
 ///                   *[Residual(nn.Linear(Width, Width), nn.ReLU(), nn.Dropout(p), nn.Linear(Width, Width))
 ///                   for _ in range(Blocks)], nn.Linear(Width, Out))

@@ -8,10 +8,13 @@ namespace rbres::RBRES_ABI {
 /// restitution and Coulomb's friction, when and where SimulationOptions::contacts says.
 ///
 /// Something else may stand in its place that has
-///   static constexpr bool allows_overlap    whether a run may start with bodies that overlap
-///   void check(const StepPlan&) const       optional: refuses (Error) runs whose steps it cannot take
-///   template <class System> class Step      made from (contacts, system, options), it may allocate; its
-///       step(forces, integrator, y, t, h, observer, tally) takes y from t to t + h and allocates nothing
+///
+///     static constexpr bool allows_overlap;  // whether a run may start with bodies that overlap
+///     void check(const StepPlan&) const;     // optional: refuses (Error) runs whose steps it cannot take
+///     template <class System> class Step;    // made from (contacts, system, options), it may allocate
+///
+/// Its Step's step(forces, integrator, y, t, h, observer, tally) takes y from t to t + h and allocates
+/// nothing.
 struct AnalyticContacts {
   static constexpr bool allows_overlap = false;
 

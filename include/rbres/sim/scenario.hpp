@@ -30,6 +30,7 @@ namespace rbres::RBRES_ABI {
 /// Share of scenarios, %, that have had a contact (the first impact of truth, to within a sample of 20 ms) by
 /// each horizon; of seed 1, the first 10,000 scenarios of a world and set, in the room with boxes the first
 /// 600:
+///
 ///                             0.02 s  0.1 s  0.5 s    1 s    2 s    5 s
 ///     free, standard  flight    0       0      0       0      0      0
 ///                     pair      0.1     2.4   23.0    56.5  100    100
