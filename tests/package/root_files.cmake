@@ -1,6 +1,6 @@
 # Of the files that git knows, only these may stand at the top level of SOURCE.
 cmake_minimum_required(VERSION 3.21)
-set(allowed include tests examples benchmarks cmake CMakeLists.txt CMakePresets.json README.md CHANGELOG.md LICENSE
+set(allowed include tests examples benchmarks docs cmake CMakeLists.txt CMakePresets.json README.md CHANGELOG.md LICENSE
   .ci .clang-format .clang-tidy .gitignore)
 execute_process(COMMAND ${GIT} -c safe.directory=* ls-files WORKING_DIRECTORY ${SOURCE} OUTPUT_VARIABLE files
   COMMAND_ERROR_IS_FATAL ANY)
