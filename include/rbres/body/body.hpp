@@ -13,10 +13,12 @@ struct Material {
   S friction = as<S>(0.3);     ///< Coulomb coefficient, 0 or more
 };
 
+/// The larger restitution of two surfaces.
 template <class S>
 S combined_restitution(const Material<S>& a, const Material<S>& b) {
   return maximum(a.restitution, b.restitution);
 }
+/// The geometric mean of the friction of two surfaces.
 template <class S>
 S combined_friction(const Material<S>& a, const Material<S>& b) {
   using std::sqrt;
@@ -43,7 +45,9 @@ void check_material(const Material<S>& m) {
 template <class S, class Shape_ = AnyShape<S>>
 class Body {
  public:
+  /// Its numbers.
   using Scalar = S;
+  /// Of its surface: one shape, or AnyShape.
   using Shape = Shape_;
 
   /// A uniform solid of this mass (kg).
@@ -93,14 +97,17 @@ class Body {
         bounding_radius_(other.bounding_radius()),
         kinematic_(other.is_kinematic()) {}
 
+  /// The shape, in its own axes.
   const Shape& shape() const { return shape_; }
   /// Shape's axes to body frame.
   const Quat<S>& shape_rotation() const { return shape_rotation_; }
+  /// Whether it was made by kinematic().
   bool is_kinematic() const { return kinematic_; }
   const S& mass() const { return mass_; }                              ///< kg
   const Vec3<S>& inertia() const { return inertia_; }                  ///< principal moments, kg m^2
   const S& inverse_mass() const { return inverse_mass_; }              ///< 1/kg
   const Vec3<S>& inverse_inertia() const { return inverse_inertia_; }  ///< 1/(kg m^2)
+  /// How its surface answers a contact.
   const Material<S>& material() const { return material_; }
   const S& bounding_radius() const { return bounding_radius_; }  ///< m
 
@@ -191,6 +198,8 @@ class Body {
   bool kinematic_ = false;
 };
 
+/// A body of one shape, whose scalar is that of the shape.
+/// @{
 template <template <class> class Shape, class S>
 Body(const Shape<S>&, S, Material<S>) -> Body<S, Shape<S>>;
 template <template <class> class Shape, class S>
@@ -199,5 +208,6 @@ template <template <class> class Shape, class S>
 Body(const Shape<S>&, S, Vec3<S>) -> Body<S, Shape<S>>;
 template <template <class> class Shape, class S>
 Body(const Shape<S>&, S, Vec3<S>, Material<S>) -> Body<S, Shape<S>>;
+/// @}
 
 }  // namespace rbres::RBRES_ABI

@@ -9,6 +9,7 @@ namespace rbres::RBRES_ABI {
 /// of three of their squares and inverses, overflows nowhere.
 template <class S>
 struct BodyLimits {
+  /// Whether S computes in float.
   static constexpr bool single = std::is_same_v<typename Constants<S>::Real, float>;
   static constexpr double length = single ? 1e4 : 1e15;   ///< m
   static constexpr double mass = single ? 1e12 : 1e40;    ///< kg

@@ -19,7 +19,14 @@ template <class S>
 struct Sphere {
   S radius;  ///< m
 
+  /// A ball of this radius, m.
   Sphere(const S& radius_) : radius(radius_) {}
+  /// What every shape gives: the radius of the ball around it (m), the largest speed at which a unit spin
+  /// moves the surface along its normal (m), volume (m^3), principal moments over mass of a uniform solid
+  /// (m^2), `factor` times the area turned towards the body-frame velocity v times |v| (m^3/s), the shape
+  /// with all lengths multiplied, or in another scalar, words for messages, and check(), which throws Error
+  /// for sizes that no shape has.
+  /// @{
   S bounding_radius() const { return radius; }
   S lever() const { return S(0); }
   S volume() const { return as<S>(4.0 / 3.0 * std::numbers::pi) * radius * radius * radius; }
@@ -37,6 +44,7 @@ struct Sphere {
   }
   std::string describe() const { return detail::text("sphere of radius ", radius, " m"); }
   void check() const { detail::check_length("sphere radius", radius); }
+  /// @}
 };
 
 /// A cuboid, axes along the body's.
@@ -44,8 +52,16 @@ template <class S>
 struct Box {
   Vec3<S> half;  ///< half extents, m
 
+  /// A box of these half extents, m.
   Box(const S& hx, const S& hy, const S& hz) : half(hx, hy, hz) {}
+  /// A box of these half extents, m.
   explicit Box(const Vec3<S>& half_extents) : half(half_extents) {}
+  /// What every shape gives: the radius of the ball around it (m), the largest speed at which a unit spin
+  /// moves the surface along its normal (m), volume (m^3), principal moments over mass of a uniform solid
+  /// (m^2), `factor` times the area turned towards the body-frame velocity v times |v| (m^3/s), the shape
+  /// with all lengths multiplied, or in another scalar, words for messages, and check(), which throws Error
+  /// for sizes that no shape has.
+  /// @{
   S bounding_radius() const { return norm(half); }
   S lever() const { return norm(half); }
   S volume() const { return S(8) * half.x * half.y * half.z; }
@@ -70,6 +86,7 @@ struct Box {
   void check() const {
     for (const S& h : {half.x, half.y, half.z}) detail::check_length("box half extent", h);
   }
+  /// @}
 };
 
 /// A cylinder along the body's z axis with half balls at its ends.
@@ -78,7 +95,14 @@ struct Capsule {
   S radius;       ///< m
   S half_length;  ///< of the cylinder, m; from its centre to the centre of either half ball
 
+  /// A capsule of this radius and this half length of its cylinder, m.
   Capsule(const S& radius_, const S& half_length_) : radius(radius_), half_length(half_length_) {}
+  /// What every shape gives: the radius of the ball around it (m), the largest speed at which a unit spin
+  /// moves the surface along its normal (m), volume (m^3), principal moments over mass of a uniform solid
+  /// (m^2), `factor` times the area turned towards the body-frame velocity v times |v| (m^3/s), the shape
+  /// with all lengths multiplied, or in another scalar, words for messages, and check(), which throws Error
+  /// for sizes that no shape has.
+  /// @{
   S bounding_radius() const { return radius + half_length; }
   S lever() const { return half_length; }
   S volume() const {
@@ -111,6 +135,7 @@ struct Capsule {
     }
     detail::check_within("capsule half length", half_length, 0, BodyLimits<S>::length, " m");
   }
+  /// @}
 };
 
 /// Any of the shapes, chosen at run time.

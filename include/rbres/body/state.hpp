@@ -9,6 +9,7 @@ namespace rbres::RBRES_ABI {
 /// velocity 3, angular velocity 3.
 template <class S>
 struct RigidState {
+  /// How many numbers it is.
   static constexpr int size = 13;
 
   Vec3<S> position;          ///< of the centre of mass, world frame, m
@@ -24,43 +25,56 @@ struct RigidState {
   Eigen::Map<Eigen::Matrix<S, size, 1>> vector() {
     return Eigen::Map<Eigen::Matrix<S, size, 1>>(&position.x);
   }
+  /// The same, to read only.
   Eigen::Map<const Eigen::Matrix<S, size, 1>> vector() const {
     return Eigen::Map<const Eigen::Matrix<S, size, 1>>(&position.x);
   }
+  /// Whether all numbers are equal.
   friend bool operator==(const RigidState&, const RigidState&) = default;
 };
 
 /// The states of N bodies, one after the other: 13 N numbers.
 template <class S, int N>
 struct SystemState {
+  /// How many bodies there are.
   static constexpr int bodies = N;
+  /// How many numbers it is.
   static constexpr int size = N * RigidState<S>::size;
 
+  /// The states, body by body.
   std::array<RigidState<S>, std::size_t(N)> body;
 
+  /// The state of body i.
+  /// @{
   RigidState<S>& operator[](int i) { return body[static_cast<std::size_t>(i)]; }
   const RigidState<S>& operator[](int i) const { return body[static_cast<std::size_t>(i)]; }
+  /// @}
   /// The 13 N numbers as an Eigen vector that reads and writes this state.
   Eigen::Map<Eigen::Matrix<S, size, 1>> vector() {
     return Eigen::Map<Eigen::Matrix<S, size, 1>>(&body[0].position.x);
   }
+  /// The same, to read only.
   Eigen::Map<const Eigen::Matrix<S, size, 1>> vector() const {
     return Eigen::Map<const Eigen::Matrix<S, size, 1>>(&body[0].position.x);
   }
+  /// Whether all numbers are equal.
   friend bool operator==(const SystemState&, const SystemState&) = default;
 };
 
 /// Force and torque on one body: 6 numbers.
 template <class S>
 struct Wrench {
+  /// How many numbers it is.
   static constexpr int size = 6;
 
   Vec3<S> force;   ///< at the centre of mass, world frame, N
   Vec3<S> torque;  ///< about the centre of mass, body frame, N m
 
+  /// The sum of two wrenches on one body.
   friend Wrench operator+(const Wrench& a, const Wrench& b) {
     return {a.force + b.force, a.torque + b.torque};
   }
+  /// Whether all numbers are equal.
   friend bool operator==(const Wrench&, const Wrench&) = default;
 };
 
@@ -85,6 +99,7 @@ SystemState<typename ScalarTraits<S>::Value, N> lane(const SystemState<S, N>& st
   for (int k = 0; k < 13 * N; ++k) to[k] = ScalarTraits<S>::lane(from[k], i);
   return out;
 }
+/// Sets one lane of a packed state.
 template <class S, int N>
 void set_lane(SystemState<S, N>& state, int i, const SystemState<typename ScalarTraits<S>::Value, N>& value) {
   S* to = &state[0].position.x;

@@ -16,8 +16,10 @@ template <class S>
 struct Plane {
   Vec3<S> normal{S(0), S(0), S(1)};  ///< unit vector out of the solid, world frame
   S offset = S(0);                   ///< m
+  /// Of its surface.
   Material<S> material{};
 
+  /// The same plane in another scalar.
   template <class T>
   Plane<T> cast() const {
     return {{as<T>(normal.x), as<T>(normal.y), as<T>(normal.z)},
@@ -100,12 +102,18 @@ class System {
   static_assert(N >= 1, "a System has at least one body");
 
  public:
+  /// Its numbers.
   using Scalar = S;
+  /// Of its bodies.
   using Shape = Shape_;
+  /// A body of it.
   using BodyType = Body<S, Shape>;
+  /// Where its bodies are.
   using State = SystemState<S, N>;
+  /// How many there are.
   static constexpr int bodies = N;
 
+  /// These bodies among these planes; without_contact are the pairs that shall not collide.
   System(const std::array<BodyType, std::size_t(N)>& all, std::vector<Plane<S>> planes = {},
          std::vector<PairWithoutContact> without_contact = {})
       : bodies_(all),
@@ -123,7 +131,9 @@ class System {
     return System(repeat(every, std::make_index_sequence<std::size_t(N)>{}), std::move(planes));
   }
 
+  /// Body i, from 0.
   const BodyType& operator[](int i) const { return bodies_[static_cast<std::size_t>(i)]; }
+  /// The planes, in the order in which they were given.
   const std::vector<Plane<S>>& planes() const { return planes_; }
 
   /// Whether two bodies may collide, or a plane and a body (-1 - p for plane p; the smaller index first).

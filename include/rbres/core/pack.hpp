@@ -76,34 +76,47 @@ auto split(const Vector& from) {
 /// The comparison of two packs: all bits set in the lanes where it holds.
 template <class T, int N>
 struct LaneMask {
+  /// An integer as large as T.
   using Int = std::conditional_t<sizeof(T) == 4, std::int32_t, std::int64_t>;
+  /// The compiler's vector of them.
   using Vector = typename detail::VectorOf<Int, N>::type;
+  /// All bits of a lane are set where the comparison holds.
   Vector bits;
 
   LaneMask() = default;
+  /// Takes the bits as they are.
   LaneMask(Vector b) : bits(b) {}
+  /// The same in every lane.
   LaneMask(bool b) : bits(Vector{} - Int{b}) {}
 
+  /// Lane by lane.
+  /// @{
   friend LaneMask operator&(LaneMask a, LaneMask b) { return {a.bits & b.bits}; }
   friend LaneMask operator|(LaneMask a, LaneMask b) { return {a.bits | b.bits}; }
   friend LaneMask operator!(LaneMask a) { return {~a.bits}; }
+  /// @}
 
+  /// Whether it holds in at least one lane.
   friend bool any(LaneMask m) {
     auto parts = detail::split<long long>(m.bits);
     for (std::size_t i = 1; i < parts.size(); ++i) parts[0] |= parts[i];
     return detail::any_bit(parts[0]);
   }
+  /// Whether it holds in every lane.
   friend bool all(LaneMask m) { return !any(!m); }
+  /// Whether it holds in this lane.
   bool operator[](int lane) const { return bits[lane] != 0; }
 };
 
 /// A count in each lane, as exact as its whole numbers: what a tally of packs is made of.
 template <class T, int N>
 struct LaneCount {
+  /// One count for each lane.
   typename LaneMask<T, N>::Vector counts{};
 
   /// One more in the lanes where m holds.
   LaneCount& operator+=(LaneMask<T, N> m) { return counts -= m.bits, *this; }
+  /// The count of one lane.
   long operator[](int lane) const { return static_cast<long>(counts[lane]); }
 };
 
@@ -113,15 +126,21 @@ template <class T, int N>
 struct Pack {
   static_assert(std::is_same_v<T, float> || std::is_same_v<T, double>, "Pack holds float or double");
   static_assert(N >= 2 && (N & (N - 1)) == 0, "a Pack has 2, 4, 8, ... lanes");
+  /// The compiler's vector of N numbers.
   using Vector = typename detail::VectorOf<T, N>::type;
+  /// What a comparison gives.
   using Mask = LaneMask<T, N>;
+  /// The numbers.
   Vector v;
 
   Pack() = default;
+  /// The numbers of a vector.
   Pack(Vector x) : v(x) {}
   /// The same number in every lane.
   Pack(T x) : v(Vector{} + x) {}
 
+  /// Lane by lane.
+  /// @{
   friend Pack operator+(Pack a, Pack b) { return {a.v + b.v}; }
   friend Pack operator-(Pack a, Pack b) { return {a.v - b.v}; }
   friend Pack operator*(Pack a, Pack b) { return {a.v * b.v}; }
@@ -135,8 +154,12 @@ struct Pack {
   friend Mask operator<=(Pack a, Pack b) { return {a.v <= b.v}; }
   friend Mask operator>=(Pack a, Pack b) { return {a.v >= b.v}; }
   friend Mask operator==(Pack a, Pack b) { return {a.v == b.v}; }
+  /// @}
+  /// The number in one lane.
   T operator[](int lane) const { return v[lane]; }
 
+  /// a where the mask holds, else b, lane by lane.
+  /// @{
 #if defined(__AVX__)
   friend Pack select(Mask m, Pack a, Pack b) { return {m.bits ? a.v : b.v}; }
 #else
@@ -147,8 +170,12 @@ struct Pack {
                                      (reinterpret_cast<Bits>(b.v) & ~m.bits))};
   }
 #endif
+  /// @}
+  /// The absolute values.
   friend Pack abs(Pack a) { return {a.v < T(0) ? -a.v : a.v}; }
+  /// A copy, see in_register of a scalar.
   friend Pack in_register(Pack a) { return {a.v}; }
+  /// The square roots, NaN of negative numbers.
   friend Pack sqrt(Pack a) {
     return by_register(a, [](auto part) { return detail::sqrt_of(part); });
   }
@@ -174,13 +201,20 @@ struct Pack {
   }
 };
 
+/// A Pack as a scalar.
 template <class T, int N>
 struct ScalarTraits<Pack<T, N>> {
+  /// The type of one lane.
   using Value = T;
+  /// What a comparison gives.
   using Mask = LaneMask<T, N>;
+  /// A count in each lane.
   using Count = LaneCount<T, N>;
+  /// Scenarios that one number carries.
   static constexpr int lanes = N;
+  /// The number in lane i.
   static T lane(const Pack<T, N>& x, int i) { return x.v[i]; }
+  /// Sets the number in lane i.
   static void set_lane(Pack<T, N>& x, int i, T value) { x.v[i] = value; }
 };
 

@@ -86,17 +86,22 @@ class Team {
  public:
   /// What the threads share.
   struct Shared {
-    std::atomic<int> size{0};                ///< of the team; 0 until all threads that it gets have begun
-    std::atomic<std::size_t> next{0};        ///< task; beyond the last it counts on, and has room for it
-    std::atomic<int> arrived{0}, passed{0};  ///< threads that wait, and how often all have
-    std::atomic<bool> failed{false};         ///< whether a task had thrown when all had arrived
+    std::atomic<int> size{0};          ///< of the team; 0 until all threads that it gets have begun
+    std::atomic<std::size_t> next{0};  ///< task; beyond the last it counts on, and has room for it
+    std::atomic<int> arrived{0};       ///< threads that wait
+    std::atomic<int> passed{0};        ///< how often all have arrived
+    std::atomic<bool> failed{false};   ///< whether a task had thrown when all had arrived
+    /// The first that a task threw.
     detail::FirstException exception;
   };
 
   Team() noexcept = default;
+  /// Thread `index` of `size` that share `shared`, which must outlive it.
   Team(int index, int size, Shared& shared) noexcept : index_(index), size_(size), shared_(&shared) {}
 
+  /// Which thread of the team this is, from 0.
   int index() const noexcept { return index_; }
+  /// Threads of the team.
   int size() const noexcept { return size_; }
 
   /// Calls task(i) for i in [0, count), each by the thread that is free, and returns when all are done. Every

@@ -27,14 +27,18 @@ constexpr std::array<std::uint32_t, 4> philox4x32(std::array<std::uint32_t, 4> c
 /// stream i - 1, so work may be split over any number of threads without changing a number.
 class Random {
  public:
+  /// The stream of this seed and number, from a position on.
   constexpr explicit Random(std::uint64_t seed, std::uint64_t stream = 0, std::uint64_t position = 0) noexcept
       : seed_(seed), stream_(stream), position_(position) {}
 
   /// Number of 32-bit words drawn so far; with seed and stream, the whole state.
   constexpr std::uint64_t position() const noexcept { return position_; }
+  /// The seed that it was made with.
   constexpr std::uint64_t seed() const noexcept { return seed_; }
+  /// The stream's number that it was made with.
   constexpr std::uint64_t stream() const noexcept { return stream_; }
 
+  /// The next 32 random bits.
   constexpr std::uint32_t word() noexcept {
     const std::uint64_t block = position_ / 4;
     if (!filled_ || block != block_) {

@@ -24,12 +24,16 @@ struct ScalarTraits {
   using Mask = bool;               ///< what a comparison gives
   using Count = long;              ///< how often something happened; += a mask
   static constexpr int lanes = 1;  ///< scenarios that one number carries
+  /// The number in a lane; a plain scalar has one lane.
   static S lane(const S& x, int) { return x; }
+  /// Sets the number in a lane.
   static void set_lane(S& x, int, const S& value) { x = value; }
 };
 
+/// What a comparison of two S gives: bool, or a mask of lanes.
 template <class S>
 using MaskOf = typename ScalarTraits<S>::Mask;
+/// A count of how often something happened, by lane.
 template <class S>
 using CountOf = typename ScalarTraits<S>::Count;
 
@@ -42,21 +46,28 @@ template <class S>
 constexpr S select(bool condition, const S& a, const S& b) {
   return condition ? a : b;
 }
+/// A plain condition has one lane.
+/// @{
 constexpr bool any(bool condition) { return condition; }
 constexpr bool all(bool condition) { return condition; }
+/// @}
 
+/// The smaller of two, lane by lane; a where one of them is NaN.
 template <class S>
 S minimum(const S& a, const S& b) {
   return select(b < a, b, a);
 }
+/// The larger of two, lane by lane; a where one of them is NaN.
 template <class S>
 S maximum(const S& a, const S& b) {
   return select(a < b, b, a);
 }
+/// x, but not below `low` nor above `high`.
 template <class S>
 S clamp(const S& x, const S& low, const S& high) {
   return minimum(maximum(x, low), high);
 }
+/// x times x.
 template <class S>
 S square(const S& x) {
   return x * x;
@@ -115,7 +126,9 @@ struct RealOf<S, std::enable_if_t<std::is_floating_point_v<typename ScalarTraits
 /// Tolerances in one place. Lengths are relative to the size of the bodies that touch.
 template <class S>
 struct Constants {
+  /// The plain number behind S: double or float.
   using Real = typename detail::RealOf<S>::type;
+  /// The distance from 1 to the next larger number.
   static constexpr Real epsilon = std::numeric_limits<Real>::epsilon();
   /// Added under a square root whose argument may be zero, so that its derivative stays finite.
   static constexpr Real tiny = std::numeric_limits<Real>::min() * Real(16);
@@ -130,6 +143,7 @@ template <class S>
 const S& as(const S& x) {
   return x;
 }
+/// A plain number as an S.
 template <class S, class Number>
 requires std::is_arithmetic_v<Number> &&(!std::is_same_v<S, Number>)S as(Number x) {
   if constexpr (std::is_arithmetic_v<S>) {

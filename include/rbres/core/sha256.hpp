@@ -15,8 +15,10 @@ namespace rbres::RBRES_ABI {
 /// goes on from where its source stands.
 class Sha256 {
  public:
+  /// A digest.
   using Bytes = std::array<std::uint8_t, 32>;
 
+  /// Adds so many bytes from `data` on.
   void add(const void* data, std::size_t size) noexcept {
     const auto* from = static_cast<const std::uint8_t*>(data);
     size_ += size;

@@ -10,16 +10,24 @@ namespace rbres::RBRES_ABI {
 /// not follow compiler flags, and they carry packs of lanes; they convert from and to Eigen's vectors.
 template <class S>
 struct Vec3 {
+  /// The components.
+  /// @{
   S x = S(0), y = S(0), z = S(0);
+  /// @}
 
   Vec3() = default;
+  /// From three numbers.
   constexpr Vec3(const S& x_, const S& y_, const S& z_) : x(x_), y(y_), z(z_) {}
+  /// From three numbers of Eigen.
   template <class Derived>
   Vec3(const Eigen::MatrixBase<Derived>& v) : x(v(0)), y(v(1)), z(v(2)) {
     static_assert(Derived::SizeAtCompileTime == 3, "a Vec3 is made from three numbers");
   }
+  /// As a vector of Eigen.
   operator Eigen::Matrix<S, 3, 1>() const requires(!Packed<S>) { return {x, y, z}; }
 
+  /// The algebra of vectors.
+  /// @{
   friend Vec3 operator+(const Vec3& a, const Vec3& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
   friend Vec3 operator-(const Vec3& a, const Vec3& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
   friend Vec3 operator-(const Vec3& a) { return {-a.x, -a.y, -a.z}; }
@@ -27,13 +35,17 @@ struct Vec3 {
   friend Vec3 operator*(const Vec3& a, const S& s) { return {s * a.x, s * a.y, s * a.z}; }
   Vec3& operator+=(const Vec3& b) { return x += b.x, y += b.y, z += b.z, *this; }
   Vec3& operator-=(const Vec3& b) { return x -= b.x, y -= b.y, z -= b.z, *this; }
+  /// @}
+  /// Whether all components are equal.
   friend bool operator==(const Vec3&, const Vec3&) = default;
 };
 
+/// The inner product.
 template <class S>
 S dot(const Vec3<S>& a, const Vec3<S>& b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;
 }
+/// The cross product a x b.
 template <class S>
 Vec3<S> cross(const Vec3<S>& a, const Vec3<S>& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
@@ -48,6 +60,7 @@ template <class S>
 Vec3<S> scale(const Vec3<S>& a, const Vec3<S>& b) {
   return {a.x * b.x, a.y * b.y, a.z * b.z};
 }
+/// The square of the length.
 template <class S>
 S squared_norm(const Vec3<S>& a) {
   return dot(a, a);
@@ -59,11 +72,13 @@ template <class S>
   const S squared = a.x * a.x + (a.y * a.y + (a.z * a.z + tiny));
   return select(squared == tiny, S(0), positive_root(squared));
 }
+/// The absolute values of the components.
 template <class S>
 Vec3<S> absolute(const Vec3<S>& a) {
   using std::abs;
   return {abs(a.x), abs(a.y), abs(a.z)};
 }
+/// a where the mask holds, else b, lane by lane.
 template <Packed S>
 Vec3<S> select(const MaskOf<S>& m, const Vec3<S>& a, const Vec3<S>& b) {
   return {select(m, a.x, b.x), select(m, a.y, b.y), select(m, a.z, b.z)};
@@ -72,31 +87,44 @@ Vec3<S> select(const MaskOf<S>& m, const Vec3<S>& a, const Vec3<S>& b) {
 /// A Hamilton quaternion, stored x, y, z, w as Eigen's; a unit one turns body vectors into world vectors.
 template <class S>
 struct Quat {
+  /// The imaginary parts x, y, z and the real part w; as it is built, no rotation.
+  /// @{
   S x = S(0), y = S(0), z = S(0), w = S(1);
+  /// @}
 
   Quat() = default;
+  /// From x, y, z, w: the real part comes last.
   constexpr Quat(const S& x_, const S& y_, const S& z_, const S& w_) : x(x_), y(y_), z(z_), w(w_) {}
+  /// From a quaternion of Eigen.
   Quat(const Eigen::Quaternion<S>& q) requires(!Packed<S>) : x(q.x()), y(q.y()), z(q.z()), w(q.w()) {}
+  /// As a quaternion of Eigen.
   operator Eigen::Quaternion<S>() const requires(!Packed<S>) { return {w, x, y, z}; }
 
+  /// x, y and z.
   Vec3<S> imaginary() const { return {x, y, z}; }
+  /// The inverse of a unit quaternion.
   Quat conjugate() const { return {-x, -y, -z, w}; }
+  /// Hamilton's product: the rotation b, then a.
   friend Quat operator*(const Quat& a, const Quat& b) {
     return {a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y, a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
             a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w, a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z};
   }
+  /// Whether all numbers are equal; q and -q are not.
   friend bool operator==(const Quat&, const Quat&) = default;
 };
 
+/// The square of the length.
 template <class S>
 S squared_norm(const Quat<S>& q) {
   return q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
 }
+/// q over its length, which must not be 0.
 template <class S>
 [[gnu::always_inline]] inline Quat<S> normalized(const Quat<S>& q) {
   const S s = inverse_root(squared_norm(q));
   return {s * q.x, s * q.y, s * q.z, s * q.w};
 }
+/// a where the mask holds, else b, lane by lane.
 template <Packed S>
 Quat<S> select(const MaskOf<S>& m, const Quat<S>& a, const Quat<S>& b) {
   return {select(m, a.x, b.x), select(m, a.y, b.y), select(m, a.z, b.z), select(m, a.w, b.w)};
@@ -105,7 +133,10 @@ Quat<S> select(const MaskOf<S>& m, const Quat<S>& a, const Quat<S>& b) {
 /// Three columns; as a rotation, the body's axes in the world frame.
 template <class S>
 struct Mat3 {
+  /// The columns.
+  /// @{
   Vec3<S> x, y, z;
+  /// @}
 
   /// M v
   friend Vec3<S> operator*(const Mat3& m, const Vec3<S>& v) {
@@ -163,6 +194,7 @@ template <class S>
   const Vec3<S> t = S(2) * cross(q.imaginary(), v);
   return v + q.w * t + cross(q.imaginary(), t);
 }
+/// A vector of the world frame in the body frame.
 template <class S>
 Vec3<S> rotate_back(const Quat<S>& q, const Vec3<S>& v) {
   return rotate(q.conjugate(), v);

@@ -13,7 +13,11 @@ template <class State, class Rate, class S>
 struct DenseStep {
   S start;  ///< s
   S step;   ///< s
+  /// The states at its start and its end.
+  /// @{
   State from, to;
+  /// @}
+  /// The time derivatives at the seven stages.
   std::array<Rate, 7> slope;
 
   /// The state at time t in [start, start + step], to fourth order (Hairer, Norsett, Wanner: Solving ODEs I,
@@ -39,11 +43,14 @@ struct DenseStep {
 /// The adaptive pair of order 5(4) of Dormand and Prince (1980), with dense output: the reference against
 /// which the others are held. For plain scalars; its step follows the local error.
 struct DormandPrince54 {
+  /// Of the global error.
   static constexpr int order = 5;
 
+  /// Of a step's error, as a share of each component.
   double relative_tolerance = 1e-12;
   double absolute_tolerance = 1e-13;  ///< in the units of each component
 
+  /// The state after a step h (s) from t (s), in as many steps of its own as the tolerances need.
   template <class Rate, class State, class S>
   State advance(const Rate& rate, const State& y, const S& t, const S& h) const {
     return integrate(rate, y, t, h, [](const auto&) {});

@@ -6,6 +6,8 @@ namespace rbres::RBRES_ABI {
 
 /// A vector known to be zero when compiling: nothing is computed with it.
 struct NoVector {};
+/// With nothing, nothing is done.
+/// @{
 template <class S>
 NoVector operator*(const S&, NoVector) {
   return {};
@@ -15,6 +17,7 @@ template <class S>
 Vec3<S> operator+(const Vec3<S>& a, NoVector) {
   return in_registers(a);
 }
+/// @}
 
 /// Time derivative of a body's 13 numbers. The same layout, but rates. With NoVector for the angular
 /// acceleration, that of a body which keeps its spin.

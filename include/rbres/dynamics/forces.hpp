@@ -20,16 +20,21 @@ template <class T = double>
 struct Gravity {
   Vec3<T> g{T(0), T(0), T(-9.81)};  ///< world frame, m/s^2
 
+  /// Gravity exerts no torque.
   static constexpr bool turns() { return false; }
 
+  /// The force on a body.
   template <class S, class Shape>
   [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>&) const {
     return {body.mass() * Vec3<S>{as<S>(g.x), as<S>(g.y), as<S>(g.z)}, {}};
   }
 };
+/// Gravity of the numbers that it is given, or of doubles.
+/// @{
 template <class T>
 Gravity(Vec3<T>) -> Gravity<T>;
 Gravity()->Gravity<double>;
+/// @}
 
 /// Quadratic friction of a fluid at rest (the paper's equation 10): F = -1/2 rho C_d A |v| v, A the area that
 /// the shape turns towards v; and its rotational counterpart tau = -1/2 rho C_r pi R^5 |omega| omega, R the
@@ -40,8 +45,10 @@ struct FluidFriction {
   T drag = T(0.47);             ///< C_d
   T rotational_drag = T(0.01);  ///< C_r
 
+  /// Whether it exerts a torque.
   bool turns() const { return rotational_drag != T(0); }
 
+  /// The force on a body, and the torque.
   template <class S, class Shape>
   [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>& state) const {
     const S factor = as<S>(T(-0.5) * density * drag);
@@ -64,9 +71,12 @@ struct FluidFriction {
     return wrench;
   }
 };
+/// Of the numbers that it is given, or of doubles.
+/// @{
 template <class T>
 FluidFriction(T, T, T) -> FluidFriction<T>;
 FluidFriction()->FluidFriction<double>;
+/// @}
 
 /// Linear damping (the paper's equation 12): without other forces, v and omega decay as exp(-rate t).
 template <class T = double>
@@ -74,22 +84,27 @@ struct Damping {
   T linear = T(0);   ///< 1/s
   T angular = T(0);  ///< 1/s
 
+  /// Whether it exerts a torque.
   bool turns() const { return angular != T(0); }
 
+  /// The force on a body, and the torque.
   template <class S, class Shape>
   [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>& state) const {
     return {-(as<S>(linear) * body.mass()) * state.velocity,
             -as<S>(angular) * scale(body.inertia(), state.angular_velocity)};
   }
 };
+/// Of the numbers that it is given.
 template <class T>
 Damping(T, T) -> Damping<T>;
 
 /// A wrench of its own on each body, the same at all times.
 template <class S, int N>
 struct ConstantWrench {
+  /// The wrench on each body: force in world frame, N; torque in body frame, N m.
   std::array<Wrench<S>, std::size_t(N)> wrench{};
 
+  /// The wrench on body `index`.
   template <class Shape>
   [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>&, const RigidState<S>&, int index,
                                               const S&) const {
@@ -110,8 +125,10 @@ void set_lane(ConstantWrench<S, N>& packed, int l, const Wrenches& wrench) {
 /// The sum of several force models.
 template <class... Models>
 struct Forces {
+  /// The models that are summed.
   std::tuple<Models...> models;
 
+  /// The sum of copies of these.
   Forces(const Models&... m) : models(m...) {}
 };
 

@@ -7,6 +7,7 @@ namespace rbres::RBRES_ABI {
 
 /// What contacts add to the force model: nothing.
 struct NoPush {
+  /// The wrench as it is.
   template <class S>
   Wrench<S> operator()(const RigidState<S>&, int, const S&, const Wrench<S>& wrench) const {
     return wrench;

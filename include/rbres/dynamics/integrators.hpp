@@ -7,9 +7,11 @@ namespace rbres::RBRES_ABI {
 /// Time derivative of a whole system's state.
 template <class S, int N>
 struct SystemRate {
+  /// Body by body.
   std::array<RigidRate<S>, std::size_t(N)> body;
 };
 
+/// y + h k, the quaternions not normalised; h in s.
 template <class S, int N>
 SystemState<S, N> advanced(const SystemState<S, N>& y, const S& h, const SystemRate<S, N>& k) {
   SystemState<S, N> out;
@@ -70,8 +72,10 @@ SystemRate<S, N> added(const SystemRate<S, N>& sum, const S& weight, const Syste
 
 /// y1 = y0 + h f(t0, y0).
 struct ExplicitEuler {
+  /// Of the global error.
   static constexpr int order = 1;
 
+  /// The state after a step h (s) from t (s).
   template <class Rate, class State, class S>
   [[gnu::always_inline]] State advance(const Rate& rate, const State& y, const S& t, const S& h) const {
     State out = advanced(y, h, rate(t, y));
@@ -83,8 +87,10 @@ struct ExplicitEuler {
 /// Velocities first, then positions with the new velocities (symplectic for forces that depend on position
 /// alone).
 struct SemiImplicitEuler {
+  /// Of the global error.
   static constexpr int order = 1;
 
+  /// The state after a step h (s) from t (s).
   template <class Rate, class State, class S>
   [[gnu::always_inline]] State advance(const Rate& rate, const State& y, const S& t, const S& h) const {
     State out = detail::semi_implicit(y, h, rate(t, y));
@@ -95,8 +101,10 @@ struct SemiImplicitEuler {
 
 /// The classical Runge-Kutta method (Kutta 1901).
 struct Rk4 {
+  /// Of the global error.
   static constexpr int order = 4;
 
+  /// The state after a step h (s) from t (s).
   template <class Rate, class State, class S>
   [[gnu::always_inline]] State advance(const Rate& rate, const State& y, const S& t, const S& h) const {
     const S half = as<S>(0.5) * h;
