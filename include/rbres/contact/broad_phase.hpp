@@ -46,6 +46,7 @@ class BroadPhase {
   static constexpr bool sweeps = N > 16 && ScalarTraits<S>::lanes == 1;
 
  public:
+  /// Allocates all that it needs among so many planes.
   explicit BroadPhase(std::size_t planes) {
     for (int i = 0; i < N; ++i) order_[static_cast<std::size_t>(i)] = i;
     pairs_.reserve(detail::most_pairs(N, planes));

@@ -11,6 +11,7 @@ namespace rbres::RBRES_ABI {
 template <class S, int P>
 class Contact {
  public:
+  /// A point of the two surfaces.
   struct Point {
     Vec3<S> position;  ///< halfway between the two surfaces; with a plane on the body's; world frame, m
     S gap;             ///< signed distance of the surfaces along the normal, m; negative: they overlap
@@ -23,6 +24,7 @@ class Contact {
 
   /// Whether a body touches a plane, and which one.
   bool with_plane() const noexcept { return first < 0; }
+  /// The number of that plane among System::planes().
   int plane() const noexcept { return -1 - first; }
   /// One or more: those whose gap is within the margin, in lanes in at least one of them.
   std::span<const Point> points() const noexcept { return {points_.data(), count_}; }
@@ -51,32 +53,46 @@ class Contacts {
                                                 std::declval<Reach>()));
 
  public:
+  /// A Contact with room for all points that a pair may have.
   using value_type = Contact<S, std::max(PairManifold<S, Shape>::points, PlaneManifold<S, Shape>::points)>;
 
+  /// See contacts().
   Contacts(const System& system, const State& state, const S& margin) noexcept
       : system_(&system),
         state_(&state),
         margin_(margin),
         pairs_(detail::near_pairs(system, state, Reach{&system, maximum(margin, S(0))})) {}
 
+  /// Finds the next contact as it is moved on; for one pass.
   class Iterator {
    public:
+    /// What the standard library asks of an iterator.
+    /// @{
     using iterator_concept = std::input_iterator_tag;
     using value_type = Contacts::value_type;
     using difference_type = std::ptrdiff_t;
+    /// @}
 
+    /// At the first contact.
     explicit Iterator(const Contacts& contacts) noexcept
         : contacts_(&contacts), pair_(contacts.pairs_.begin()) {
       skip_apart();
     }
+    /// The contact, which stays as it is until the iterator moves.
+    /// @{
     const value_type& operator*() const noexcept { return contact_; }
     const value_type* operator->() const noexcept { return &contact_; }
+    /// @}
+    /// On to the next contact.
+    /// @{
     Iterator& operator++() noexcept {
       ++pair_;
       skip_apart();
       return *this;
     }
     void operator++(int) noexcept { ++*this; }
+    /// @}
+    /// Whether there are no more contacts.
     friend bool operator==(const Iterator& i, std::default_sentinel_t end) noexcept { return i.pair_ == end; }
 
    private:
@@ -90,7 +106,9 @@ class Contacts {
     value_type contact_;
   };
 
+  /// The first contact.
   Iterator begin() const noexcept { return Iterator(*this); }
+  /// Behind the last contact.
   std::default_sentinel_t end() const noexcept { return {}; }
 
  private:

@@ -5,6 +5,8 @@
 namespace rbres::RBRES_ABI {
 
 // The pairs in the other order.
+/// The pair in the other order.
+/// @{
 template <class S>
 auto detect(const Box<S>& a, const Pose<S>& pa, const Sphere<S>& b, const Pose<S>& pb) {
   return detail::flipped(detect(b, pb, a, pa));
@@ -17,6 +19,7 @@ template <class S>
 auto detect(const Capsule<S>& a, const Pose<S>& pa, const Sphere<S>& b, const Pose<S>& pb) {
   return detail::flipped(detect(b, pb, a, pa));
 }
+/// @}
 
 namespace detail {
 
@@ -39,6 +42,7 @@ Manifold<S, 12> detect(const std::variant<Shapes...>& a, const Pose<S>& pa, cons
   return std::visit([&](const auto& x, const auto& y) { return detail::widened(detect(x, pa, y, pb)); }, a,
                     b);
 }
+/// The same for a plane.
 template <class... Shapes, class S>
 Manifold<S, 12> detect(const Plane<S>& plane, const std::variant<Shapes...>& b, const Pose<S>& pb) {
   return std::visit([&](const auto& x) { return detail::widened(detect(plane, x, pb)); }, b);
@@ -48,6 +52,7 @@ Manifold<S, 12> detect(const Plane<S>& plane, const std::variant<Shapes...>& b, 
 template <class S, class Shape>
 using PairManifold =
     decltype(detect(std::declval<const Shape&>(), Pose<S>{}, std::declval<const Shape&>(), Pose<S>{}));
+/// What detect gives for a plane and a body of this shape.
 template <class S, class Shape>
 using PlaneManifold = decltype(detect(Plane<S>{}, std::declval<const Shape&>(), Pose<S>{}));
 

@@ -58,6 +58,7 @@ Manifold<S, P> flipped(Manifold<S, P> m) {
 
 }  // namespace detail
 
+/// A ball and a box: one point.
 template <class S>
 Manifold<S, 1> detect(const Sphere<S>& a, const Pose<S>& pa, const Box<S>& b, const Pose<S>& pb) {
   return detail::flipped(detail::detect_box_ball(b, pb, pa.position, a.radius));

@@ -14,6 +14,7 @@ struct Face {
 
 }  // namespace detail
 
+/// a where the mask holds, else b, lane by lane.
 template <Packed S>
 detail::Face<S> select(const MaskOf<S>& m, const detail::Face<S>& a, const detail::Face<S>& b) {
   return {select(m, a.normal, b.normal), select(m, a.u, b.u),

@@ -4,6 +4,7 @@
 
 namespace rbres::RBRES_ABI {
 
+/// A plane and a capsule: a point for each end.
 template <class S>
 Manifold<S, 2> detect(const Plane<S>& plane, const Capsule<S>& b, const Pose<S>& pb) {
   const Vec3<S> half = b.half_length * pb.axes.z;
@@ -16,6 +17,7 @@ Manifold<S, 2> detect(const Plane<S>& plane, const Capsule<S>& b, const Pose<S>&
   return m;
 }
 
+/// A ball and a capsule: one point.
 template <class S>
 Manifold<S, 1> detect(const Sphere<S>& a, const Pose<S>& pa, const Capsule<S>& b, const Pose<S>& pb) {
   const S along = clamp(dot(pb.axes.z, pa.position - pb.position), S(-b.half_length), b.half_length);

@@ -20,11 +20,13 @@ Manifold<S, 1, Central> detect_balls(const Vec3<S>& a, const S& ra, const Vec3<S
 
 }  // namespace detail
 
+/// Two balls: one point.
 template <class S>
 Manifold<S, 1, true> detect(const Sphere<S>& a, const Pose<S>& pa, const Sphere<S>& b, const Pose<S>& pb) {
   return detail::detect_balls<S, true>(pa.position, a.radius, pb.position, b.radius);
 }
 
+/// A plane and a ball: one point.
 template <class S>
 Manifold<S, 1, true> detect(const Plane<S>& plane, const Sphere<S>& b, const Pose<S>& pb) {
   const S gap = dot(plane.normal, pb.position) - plane.offset - b.radius;

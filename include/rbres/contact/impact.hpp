@@ -8,7 +8,10 @@ namespace rbres::RBRES_ABI {
 /// What two surfaces agree on.
 template <class S>
 struct Surface {
+  /// Of the two surfaces together.
+  /// @{
   S restitution, friction;
+  /// @}
 };
 
 namespace detail {

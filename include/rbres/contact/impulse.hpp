@@ -15,6 +15,7 @@ struct Motion {
   Mat3<S> inverse_inertia;   ///< world frame, 1/(kg m^2)
 };
 
+/// A body's mass and motion.
 template <class S, class Shape>
 Motion<S> motion_of(const Body<S, Shape>& body, const RigidState<S>& state) {
   const Mat3<S> axes = rotation_matrix(state.orientation);
@@ -165,9 +166,11 @@ class ContactPoint {
   Mat3<S> frame() const { return {direction_[0], direction_[1], direction_[2]}; }
   /// r x direction(d) of either body, m.
   Vec3<S> first_arm(std::size_t d) const requires(!Fixed) { return first_.arm[d]; }
+  /// The same of the second body, m.
   const Vec3<S>& second_arm(std::size_t d) const { return second_.arm[d]; }
   /// What a unit impulse changes: the velocity along the normal, and at most that along the surface, 1/kg.
   const S& normal_response() const { return normal_response_; }
+  /// The most that a unit impulse along the surface changes of the velocity along it, 1/kg.
   const S& tangent_response() const { return tangent_response_; }
   /// Impulse along the normal and the two tangents, N s.
   const std::array<S, 3>& impulse() const { return impulse_; }

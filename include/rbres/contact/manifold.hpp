@@ -7,13 +7,16 @@ namespace rbres::RBRES_ABI {
 /// Where a shape stands: the middle of the body and the shape's axes, world frame.
 template <class S>
 struct Pose {
+  /// Of the body's centre of mass, m.
   Vec3<S> position;
+  /// The shape's axes, as columns.
   Mat3<S> axes;
 };
 
 /// Where two surfaces meet or nearly meet: up to P points under one normal.
 template <class S, int P, bool Central = false>
 struct Manifold {
+  /// Room for so many points.
   static constexpr int points = P;
   /// The normal passes through both centres of mass, so that a normal impulse spins nothing.
   static constexpr bool central = Central;

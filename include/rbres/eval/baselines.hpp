@@ -14,6 +14,7 @@ namespace rbres::RBRES_ABI {
 struct ConstantVelocity {
   double horizon;  ///< s
 
+  /// The state `horizon` after y. Absent bodies stay.
   SystemState<double, 5> operator()(SystemState<double, 5> y, const std::array<Wrench<double>, 5>&,
                                     int present) const {
     for (int b = 0; b < present; ++b) {
@@ -26,9 +27,11 @@ struct ConstantVelocity {
 
 /// The flow without contacts.
 struct ContactFree {
+  /// Of the bodies.
   FreeFlow<ScenarioData::bodies> flow;
   double horizon;  ///< s
 
+  /// The state `horizon` after y. Absent bodies stay.
   template <class State>
   State operator()(const State& y, const std::array<Wrench<double>, 5>& wrench, int present) const {
     State next = flow(y, wrench, horizon);
@@ -40,9 +43,11 @@ struct ContactFree {
 /// The paper's baseline: RK4 with contacts checked at the end of each step, or the continuous simulation.
 template <BodySet Set>
 struct Simulated {
+  /// What is around the bodies.
   World world;
   SimulationOptions options;  ///< options.duration is the horizon
 
+  /// The state `horizon` after y. Absent bodies stay.
   SystemState<double, 5> operator()(const SystemState<double, 5>& y,
                                     const std::array<Wrench<double>, 5>& wrench, int present) const {
     std::array<SystemState<double, 5>, 1> next;

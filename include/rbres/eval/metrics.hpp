@@ -22,9 +22,11 @@ struct Metrics {
   // Relative error per body and vector: |error| / |truth|, the mean; and the median, which near-zero truths
   // do not rule.
   double relative[4] = {};  ///< position, orientation, velocity, angular velocity
+  /// The median of the same.
   double relative_median[4] = {};
   // The paper's element-wise formula, mean over components of |error_i| / |truth_i|. It has no finite
   // expectation: a component that happens to be near zero decides it.
+  /// In the order of `relative`.
   double elementwise[4] = {};
   double energy = 0;       ///< ECE: mean |E - E_true| over the mean |E_true|, E kinetic and potential (z = 0)
   double pearson = 0;      ///< r of predicted and true velocity components, scenarios that had a contact
@@ -35,7 +37,11 @@ struct Metrics {
 
 /// Quartiles of the mean square position error per scenario.
 struct Quartiles {
+  /// Of the errors of all scenarios, m^2.
+  /// @{
   double low = 0, median = 0, high = 0;
+  /// @}
+  /// How many scenarios there are.
   long count = 0;
 };
 

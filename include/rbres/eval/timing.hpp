@@ -14,13 +14,17 @@ namespace rbres::RBRES_ABI {
 
 /// Something to time.
 struct TimedCall {
+  /// What is called.
   std::function<void()> run;
   double scenarios;  ///< that one run takes care of
 };
 
 /// Microseconds per scenario over several rounds.
 struct Spread {
+  /// Of the times of all rounds, us.
+  /// @{
   double median = 0, low = 0, high = 0;
+  /// @}
 };
 
 namespace detail {

@@ -16,6 +16,7 @@ SystemState<double, ScenarioData::bodies> state_of(const Columns& columns, Eigen
   std::copy_n(from, 13 * present, &y[0].position.x);
   return y;
 }
+/// The wrenches of scenario c.
 template <class Data>
 std::array<Wrench<double>, ScenarioData::bodies> wrench_of(const Data& data, Eigen::Index c) {
   std::array<Wrench<double>, ScenarioData::bodies> w;

@@ -13,8 +13,10 @@ template <int N>
 struct Encoding {
   static constexpr int inputs = N * (RigidState<float>::size + Wrench<float>::size);  ///< N x (13 + 6)
   static constexpr int outputs = N * RigidState<float>::size;                         ///< N x 13
+  /// What a network is given.
   template <class T>
   using Input = Eigen::Matrix<T, inputs, 1>;
+  /// What a network gives.
   template <class T>
   using Output = Eigen::Matrix<T, outputs, 1>;
 
@@ -64,8 +66,11 @@ struct Encoding {
 /// A number's place among others: (x - mean) / deviation and back, number by number.
 template <class T, int Size>
 struct Normalizer {
+  /// The numbers of one sample.
   using Vector = Eigen::Matrix<T, Size, 1>;
+  /// Of each number.
   Vector mean = Vector::Zero();
+  /// Of each number; not 0.
   Vector deviation = Vector::Ones();
 
   /// Mean and standard deviation of each row of `columns` over the columns where `present`(row, column)
@@ -92,7 +97,9 @@ struct Normalizer {
     return fitted;
   }
 
+  /// (x - mean) / deviation
   Vector normalize(const Vector& x) const noexcept { return (x - mean).cwiseQuotient(deviation); }
+  /// x deviation + mean
   Vector restore(const Vector& x) const noexcept { return x.cwiseProduct(deviation) + mean; }
 };
 

@@ -14,17 +14,22 @@ namespace rbres::RBRES_ABI {
 /// any other must beat.
 template <int N>
 struct FreeFlow {
+  /// The bodies that fly.
   using System = rbres::System<double, N>;
 
+  /// What flies; its planes are not met.
   System system;
+  /// Acts on all bodies.
   Gravity<double> gravity{};
+  /// Acts on all bodies.
   FluidFriction<double> friction{};
+  /// Acts on all bodies.
   Damping<double> damping{};
 
   /// Step of the fourth-order integration, s.
   static constexpr double step = 0.02;
-  /// The longest time that is followed, and a predictor's shortest horizon, s.
-  static constexpr double longest = 3600, shortest = 1e-6;
+  static constexpr double longest = 3600;   ///< time that is followed, s
+  static constexpr double shortest = 1e-6;  ///< horizon of a predictor, s
 
   /// The states after `duration` (s, at most `longest`); NaN for any other duration.
   SystemState<double, N> operator()(SystemState<double, N> y,

@@ -20,19 +20,30 @@ enum class Target {
 template <class Net, int N>
 class Predictor {
  public:
+  /// The network's type.
   using Network = Net;
+  /// The network's numbers.
   using Scalar = typename Net::Scalar;
+  /// How states become the network's numbers.
   using Code = Encoding<N>;
+  /// Where the bodies are.
   using State = SystemState<double, N>;
+  /// On each body: force in world frame, N; torque in body frame, N m.
   using Wrenches = std::array<Wrench<double>, std::size_t(N)>;
+  /// How many there are.
   static constexpr int bodies = N;
   static_assert(Net::input_size == Code::inputs && Net::output_size == Code::outputs,
                 "a Predictor of N bodies needs a network from N x 19 to N x 13 numbers");
 
+  /// What is learned.
   Net network;
+  /// Of the network's inputs.
   Normalizer<Scalar, Code::inputs> input{};
+  /// Of the network's outputs.
   Normalizer<Scalar, Code::outputs> output{};
+  /// The flow without contacts.
   FreeFlow<N> flow;
+  /// What the network says.
   Target target = Target::residual;
   double horizon = 0.02;  ///< s
 

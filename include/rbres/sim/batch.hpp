@@ -22,9 +22,11 @@ long count_lane(const LaneCount<T, N>& count, int lane) {
 /// What an observer of a batch hears: one scenario at one sample.
 template <class T, int N>
 struct BatchSample {
+  /// Its number.
   std::ptrdiff_t scenario;
   long sample;  ///< 0 is the start
   double time;  ///< s
+  /// Where its bodies are.
   SystemState<T, N> state;
   long impacts;   ///< approaches answered so far
   long overruns;  ///< steps so far that met the event cap
@@ -91,6 +93,7 @@ void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, con
   });
 }
 
+/// The same with AnalyticContacts.
 template <class S, class T, int N, class Shape, class Start, class MakeForces, class Integrator,
           class Observe>
 void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, const Start& start,

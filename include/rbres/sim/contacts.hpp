@@ -16,17 +16,21 @@ namespace rbres::RBRES_ABI {
 /// Its Step's step(forces, integrator, y, t, h, observer, tally) takes y from t to t + h and allocates
 /// nothing.
 struct AnalyticContacts {
+  /// Bodies that overlap are refused, see check_state.
   static constexpr bool allows_overlap = false;
 
+  /// Takes one system's state over steps.
   template <class System>
   class Step {
     using S = typename System::Scalar;
     using State = typename System::State;
 
    public:
+    /// Allocates all that steps need.
     Step(const AnalyticContacts&, const System& system, const SimulationOptions& options)
         : system_(&system), options_(options), continuous_(system, options), discrete_(system) {}
 
+    /// Takes y from t (s) to t + h. Allocates nothing.
     template <class Model, class Integrator, class Observer>
     void step(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
               Observer& observer, ContactTally<S>& tally) {

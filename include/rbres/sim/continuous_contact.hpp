@@ -28,6 +28,7 @@ class ContinuousContact {
   using Motions = detail::MotionsOf<System>;
 
  public:
+  /// Allocates all that steps need. `system` must outlive it.
   ContinuousContact(const System& system, const SimulationOptions& options)
       : system_(&system),
         options_(options),

@@ -12,19 +12,24 @@ namespace rbres::RBRES_ABI {
 /// Scenarios as columns: what they start from, and where truth is at some horizons. float, because that is
 /// what networks learn from; absent bodies are zero.
 struct ScenarioData {
+  /// Room for so many in a column.
   static constexpr int bodies = Scenario::most_bodies;
+  /// One sample a column.
   using Columns = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic>;
 
   std::vector<double> horizons;  ///< s
   Columns initial;               ///< 65 x scenarios: the state at the start, body by body
   Columns wrench;                ///< 30 x scenarios: force and torque of each body
   std::vector<Columns> states;   ///< for each horizon 65 x scenarios: truth
+  /// Bodies of each scenario.
   std::vector<std::uint8_t> body_count;
+  /// How each scenario was drawn.
   std::vector<Family> family;
   std::vector<float> first_contact;  ///< time of the first impact to within a sample, s; infinity: none
   /// Horizons x scenarios: impacts (approaches answered by an impulse) by each horizon.
   Eigen::Matrix<std::int32_t, Eigen::Dynamic, Eigen::Dynamic> impacts;
 
+  /// How many scenarios there are.
   Eigen::Index count() const { return initial.cols(); }
 };
 
@@ -160,6 +165,7 @@ ScenarioData generate(const ScenarioSampler<Set>& sampler, std::uint64_t first, 
   }
   return data;
 }
+/// The same without progress.
 template <BodySet Set>
 ScenarioData generate(const ScenarioSampler<Set>& sampler, std::uint64_t first, Eigen::Index count,
                       const std::vector<double>& horizons, const TruthOptions& options = {}) {

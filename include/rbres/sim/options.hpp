@@ -18,6 +18,7 @@ struct SimulationOptions {
   double step = 1e-3;      ///< s
   double duration = 1;     ///< s
   double sample_rate = 0;  ///< how often the observer is called, Hz; 0: after every step
+  /// When contacts are found.
   ContactMode contacts = ContactMode::continuous;
   /// Contacts that approach slower rest instead of bouncing (restitution below 1), m/s: for bodies with a
   /// bounding radius of 0.1 m. For others it grows with the root of the radius, as speeds of falls do.
@@ -56,13 +57,16 @@ class StepPlan {
  public:
   /// What lies between one sample and the next.
   struct Part {
-    double start, end;  ///< s
-    double step;        ///< s
+    double start;  ///< s
+    double end;    ///< s
+    double step;   ///< s
+    /// How many of them make the part.
     long steps;
     /// The time at which step j of the part begins, s.
     double time(long j) const { return start + static_cast<double>(j) * step; }
   };
 
+  /// The plan of a run; its options must make sense, see SimulationOptions::check.
   explicit StepPlan(const SimulationOptions& options)
       : duration_(options.duration),
         longest_(options.step),
@@ -71,7 +75,9 @@ class StepPlan {
         per_sample_(std::max(1L, std::lround(span_ / step_))),
         parts_(duration_ > 0 ? std::max(1L, static_cast<long>(std::ceil(duration_ / span_ - 1e-9))) : 0) {}
 
+  /// How many there are: one for each sample but the start.
   long parts() const { return parts_; }
+  /// Part k, from 0.
   Part part(long k) const {
     const double start = static_cast<double>(k) * span_;
     if (k + 1 < parts_) return {start, static_cast<double>(k + 1) * span_, step_, per_sample_};

@@ -44,26 +44,38 @@ namespace rbres::RBRES_ABI {
 ///                     scatter   0.7    27.3   94.7   100    100    100
 inline constexpr std::string_view scenario_version = "standard-3";
 
+/// What is around the bodies: nothing, or a room of 5 m.
 enum class World { free_space, room };
+/// How starts are drawn.
 enum class Family { flight, pair, cluster, drop, scatter };
+/// What the bodies are: balls with unequal moments, or boxes.
 enum class BodySet { standard, box };
 
+/// As files and command lines name it.
+/// @{
 constexpr std::string_view name(World world) { return world == World::free_space ? "free" : "room"; }
 constexpr std::string_view name(BodySet set) { return set == BodySet::standard ? "standard" : "box"; }
 constexpr std::string_view name(Family family) {
   constexpr std::string_view names[] = {"flight", "pair", "cluster", "drop", "scatter"};
   return names[static_cast<int>(family)];
 }
+/// @}
 
 /// Where and how bodies start, and the wrench on each; bodies from `bodies` on are absent.
 struct Scenario {
+  /// Room for so many.
   static constexpr int most_bodies = 5;
+  /// How it was drawn.
   Family family;
+  /// How many are there.
   int bodies;
+  /// Where they start.
   SystemState<double, most_bodies> state;
+  /// Constant, on each body: force in world frame, N; torque in body frame, N m.
   std::array<Wrench<double>, most_bodies> wrench;
 };
 
+/// The shape of the bodies of a set.
 template <BodySet Set>
 using ShapeOf = std::conditional_t<Set == BodySet::standard, Sphere<double>, Box<double>>;
 
@@ -104,12 +116,16 @@ auto scenario_forces(const ConstantWrench<S, N>& wrench) {
 template <BodySet Set>
 class ScenarioSampler {
  public:
+  /// Scenarios of this world. Another seed gives others.
   ScenarioSampler(World world, std::uint64_t seed)
       : world_(world), seed_(seed), body_(scenario_body<Set>()) {}
 
+  /// What is around the bodies.
   World world() const { return world_; }
+  /// The seed that it was made with.
   std::uint64_t seed() const { return seed_; }
 
+  /// Scenario i, which depends on world, seed and i alone.
   Scenario operator()(std::uint64_t i) const {
     Random random(seed_, i);
     const std::uint64_t families = world_ == World::free_space ? 3 : 2;

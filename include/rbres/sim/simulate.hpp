@@ -17,7 +17,9 @@ enum class SimulationStatus {
   non_finite,  ///< a number became infinite or NaN; the state is the last good one
 };
 
+/// What a run did.
 struct SimulationReport {
+  /// How it ended.
   SimulationStatus status = SimulationStatus::finished;
   long steps = 0;     ///< steps done
   double time = 0;    ///< simulated, s
@@ -36,6 +38,7 @@ class Stepper {
   using S = typename System::Scalar;
 
  public:
+  /// Where the bodies are.
   using State = typename System::State;
 
   /// Throws Error for options that make no sense. `system` must outlive the stepper and its copies, and so
@@ -45,6 +48,7 @@ class Stepper {
       : forces_(forces), integrator_(integrator), contacts_(contacts, system, options) {
     options.check();
   }
+  /// The same where how bodies collide needs no data.
   Stepper(const System& system, const Model& forces, const Integrator& integrator,
           const SimulationOptions& options) requires(std::is_empty_v<Contacts>)
       : Stepper(system, forces, integrator, Contacts{}, options) {}
@@ -68,12 +72,14 @@ class Stepper {
     }
     return keep_finite(before, y);
   }
+  /// The same without an observer.
   int step(State& y, const S& t, const S& h) {
     struct None {
     } none;
     return step(y, t, h, none);
   }
 
+  /// What has happened so far.
   const ContactTally<S>& tally() const { return tally_; }
   /// Where every state so far was finite, lane by lane.
   const MaskOf<S>& finite() const { return finite_; }
@@ -196,6 +202,8 @@ SimulationReport simulate(const System& system, typename System::State& state, c
   return report;
 }
 
+/// The same with AnalyticContacts, or without an observer, or both.
+/// @{
 template <class System, class Model, class Integrator, class Observer>
 SimulationReport simulate(const System& system, typename System::State& state, const Model& forces,
                           const Integrator& integrator, const SimulationOptions& options,
@@ -214,5 +222,6 @@ SimulationReport simulate(const System& system, typename System::State& state, c
                           const Integrator& integrator, const SimulationOptions& options) {
   return simulate(system, state, forces, integrator, AnalyticContacts{}, options);
 }
+/// @}
 
 }  // namespace rbres::RBRES_ABI

@@ -12,7 +12,9 @@ namespace rbres::RBRES_ABI {
 /// stays the same from there on.
 template <int N>
 struct Start {
+  /// Where they are at the start.
   SystemState<double, N> state;
+  /// Constant, on each body: force in world frame, N; torque in body frame, N m.
   std::array<Wrench<double>, std::size_t(N)> wrench{};
 };
 
@@ -20,6 +22,7 @@ struct Start {
 template <int N>
 struct Transitions {
   double horizon = 0;  ///< s
+  /// Where they begin.
   std::vector<Start<N>> starts;
   std::vector<SystemState<double, N>> ends;  ///< as many as starts
 };
