@@ -17,10 +17,16 @@ class ColumnsObjective {
   using Columns = typename Net::Columns;
 
  public:
+  /// What one thread needs.
   struct Scratch {
+    /// Of the network.
     typename Net::Workspace workspace;
+    /// Of a chunk of samples.
+    /// @{
     Columns inputs = Columns(Net::input_size, chunk_size), outputs = Columns(Net::output_size, chunk_size);
+    /// @}
     std::optional<Tape<Net>> tape;  ///< from the first differentiate() on
+    /// The loss's derivative by the outputs.
     Columns by_outputs;
   };
 
@@ -31,13 +37,19 @@ class ColumnsObjective {
     loss_.expect_outputs(Net::output_size);
   }
 
+  /// What is learned from.
   const Samples<T>& samples() const noexcept { return samples_; }
+  /// What is made small.
   const Loss<T>& loss() const noexcept { return loss_; }
 
+  /// What an Objective has.
+  /// @{
   Scratch scratch() const { return {}; }
   std::ptrdiff_t count() const noexcept { return samples_.count(); }
   std::ptrdiff_t chunk() const noexcept { return chunk_size; }
+  /// @}
 
+  /// The sum of the items' losses.
   double value(const Net& network, Items items, Scratch& own) const {
     const auto outputs = own.outputs.leftCols(std::ssize(items));
     network.forward(gather(items, own), own.outputs.leftCols(std::ssize(items)), own.workspace);
@@ -49,6 +61,7 @@ class ColumnsObjective {
     return sum;
   }
 
+  /// The same with what the mask drops; adds the sum's derivative to `gradient`.
   double differentiate(const Net& network, Items items, const DropoutMask& mask, Scratch& own,
                        ParameterGradient<Net>& gradient) const {
     if (!own.tape) {

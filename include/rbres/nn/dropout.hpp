@@ -17,7 +17,9 @@ struct DropoutMask {
   /// Probability of becoming 0, in [0, 1), in steps of 1/65536; below 0 no number does, not even in a
   /// FixedDropout.
   double rate = -1;
+  /// Of the run.
   std::uint64_t seed = 0;
+  /// Of the optimiser.
   std::uint64_t step = 0;
   std::uint32_t first = 0;  ///< number of the first sample, so that parts of a batch differ
 

@@ -28,8 +28,11 @@ class Evaluation {
           {objective.scratch(), std::vector<std::uint32_t>(static_cast<std::size_t>(objective.chunk()))});
   }
 
+  /// A copy has scratch of its own.
+  /// @{
   Evaluation(const Evaluation&) = default;
   Evaluation& operator=(const Evaluation&) = default;
+  /// @}
 
   /// Of the objective that it was built for, or one of chunks that are as large; else throws Error.
   double mean(const Net& network, const O& objective) {

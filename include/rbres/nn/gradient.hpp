@@ -13,17 +13,26 @@ namespace rbres::RBRES_ABI {
 template <class Net>
 class ParameterGradient {
  public:
+  /// The network's numbers.
   using Scalar = typename Net::Scalar;
 
+  /// A copy has numbers of its own.
+  /// @{
   ParameterGradient() : numbers_(Net::block_size) {}
   ParameterGradient(const ParameterGradient&) = default;
   ParameterGradient& operator=(const ParameterGradient&) = default;
+  /// @}
 
+  /// One for each number of the network's block.
+  /// @{
   std::span<Scalar> numbers() noexcept { return {numbers_.data(), Net::block_size}; }
   std::span<const Scalar> numbers() const noexcept { return {numbers_.data(), Net::block_size}; }
+  /// @}
 
+  /// Sets all numbers to 0.
   void set_zero() noexcept { std::fill_n(numbers_.data(), Net::block_size, Scalar{}); }
 
+  /// Adds number by number.
   ParameterGradient& operator+=(const ParameterGradient& other) noexcept {
     for (std::size_t i = 0; i < Net::block_size; ++i) numbers_[i] += other.numbers_[i];
     return *this;

@@ -19,6 +19,8 @@ struct Linear {
 
 /// max(x, 0); the slope at 0 is 0. A NaN stays a NaN. In PyTorch: nn.ReLU().
 struct Relu {
+  /// The function and its derivative.
+  /// @{
   template <class T>
   static T value(const T& x) {
     const T zero = detail::constant<T>(0);
@@ -28,10 +30,13 @@ struct Relu {
   static T slope(const T& x) {
     return x > detail::constant<T>(0) ? detail::constant<T>(1) : detail::constant<T>(0);
   }
+  /// @}
 };
 
 /// In PyTorch: nn.Tanh().
 struct Tanh {
+  /// The function and its derivative.
+  /// @{
   template <class T>
   static T value(const T& x) {
     using std::tanh;
@@ -46,10 +51,13 @@ struct Tanh {
     const T y = value(x);
     return 1 - y * y;
   }
+  /// @}
 };
 
 /// x / (1 + exp(-x)) (Hendrycks, Gimpel 2016; Elfwing, Uchibe, Doya 2018). In PyTorch: nn.SiLU().
 struct Silu {
+  /// The function and its derivative.
+  /// @{
   template <class T>
   static T value(const T& x) {
     return x * sigmoid(x);
@@ -59,6 +67,7 @@ struct Silu {
     const T s = sigmoid(x);
     return s * (1 + x * (1 - s));
   }
+  /// @}
 
  private:
   template <class T>

@@ -23,12 +23,15 @@ class ColumnsView : public Eigen::Map<const Eigen::Matrix<T, Eigen::Dynamic, Eig
 
  public:
   using Map::Map;
+  /// Looks at what `other` looks at.
+  /// @{
   ColumnsView(const ColumnsView&) = default;
   ColumnsView& operator=(const ColumnsView& other) noexcept {
     // As Eigen's manual sets a Map anew.
     new (static_cast<Map*>(this)) Map(other.data(), other.rows(), other.cols());
     return *this;
   }
+  /// @}
 };
 
 /// View of a matrix that lives at least as long as the view.
@@ -48,6 +51,7 @@ struct Samples {
   /// says nothing.
   ColumnsView<T> weights{nullptr, 0, 0};
 
+  /// How many samples there are.
   Eigen::Index count() const noexcept { return inputs.cols(); }
 };
 
@@ -55,6 +59,7 @@ struct Samples {
 /// weights: the mean over samples of the squared norm of the error (arXiv 2407.18798, section 3).
 template <class T>
 struct Loss {
+  /// The numbers of one sample.
   using Vector = Eigen::Matrix<T, Eigen::Dynamic, 1>;
   /// The user's own term of one sample: its value; adds its derivative by the output to `gradient`. It is
   /// called from several threads at once, and must depend on nothing but its arguments.
@@ -62,6 +67,7 @@ struct Loss {
                                     Eigen::Map<const Vector> output, Eigen::Map<Vector> gradient)>;
 
   std::vector<T> output_weights{};  ///< one for each output, at least 0, or empty for all ones
+  /// None where it is empty.
   Term extra{};
 
   /// Throws Error where the weights are not one for each output, or none of an error.

@@ -21,9 +21,12 @@ namespace rbres::RBRES_ABI {
 /// One tensor of a network's parameters: its name and shape as PyTorch's state_dict has them, and where its
 /// numbers stand.
 struct ParameterTensor {
-  std::string name;    ///< "2.0.weight", "2.0.bias": layers counted as in nn.Sequential
-  bool is_bias;        ///< a bias, or a LayerNorm's weight: shape [rows]; else [rows, columns]
-  int rows, columns;   ///< outputs and inputs; a bias has one column
+  std::string name;  ///< "2.0.weight", "2.0.bias": layers counted as in nn.Sequential
+  bool is_bias;      ///< a bias, or a LayerNorm's weight: shape [rows]; else [rows, columns]
+  /// Outputs and inputs; a bias has one column.
+  /// @{
+  int rows, columns;
+  /// @}
   std::size_t offset;  ///< in the network's block
   int lanes;           ///< outputs in a panel
 
@@ -92,15 +95,22 @@ class NetworkPart;
 template <std::floating_point T, class Layers>
 class Network {
  public:
+  /// The type of its numbers.
   using Scalar = T;
+  /// Its layers.
   using Architecture = Layers;
+  /// The layers as stages that are computed at once.
   using Compiled = detail::Compiled<Layers>;
+  /// How the stages are computed.
   using Passes = detail::Passes<T, Compiled>;
 
+  /// Numbers of one sample that it is given.
   static constexpr int input_size = Compiled::size(0);
+  /// Numbers of one sample that it gives.
   static constexpr int output_size = Compiled::size(Compiled::stage_count);
   /// Numbers in the parameter block, with the zeros that fill up panels, and without.
   static constexpr std::size_t block_size = Passes::parameter_size;
+  /// Numbers that are learned.
   static constexpr std::size_t parameter_count = [] {
     std::size_t sum = 0;
     for (int s = 0; s < Compiled::stage_count; ++s)
@@ -111,8 +121,11 @@ class Network {
     return sum;
   }();
 
+  /// What it is given.
   using Input = Eigen::Matrix<T, input_size, 1>;
+  /// What it gives.
   using Output = Eigen::Matrix<T, output_size, 1>;
+  /// Samples as columns.
   using Columns = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
 
   /// Scratch for batches and for derivatives, which the caller keeps; its size does not depend on the batch.
@@ -122,8 +135,11 @@ class Network {
     Workspace()
         : numbers_(std::max(static_cast<std::size_t>(chunk * Passes::slots_size),
                             static_cast<std::size_t>(2 * Tape::sample_size) + Passes::backward_size)) {}
+    /// New scratch: nothing is copied.
+    /// @{
     Workspace(const Workspace&) : Workspace() {}
     Workspace& operator=(const Workspace&) noexcept { return *this; }
+    /// @}
 
    private:
     friend Network;
@@ -154,6 +170,7 @@ class Network {
     if (parameters_.size() == 0) parameters_ = AlignedBuffer<T>(block_size);
     return {parameters_.data(), block_size};
   }
+  /// The same, to read only.
   std::span<const T> parameters() const noexcept { return {block(), block_size}; }
 
   /// Every tensor, in the order of the block: weight and bias of each Linear and LayerNorm.

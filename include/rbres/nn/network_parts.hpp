@@ -19,11 +19,15 @@ class NetworkPart {
   using T = typename Net::Scalar;
 
  public:
+  /// Samples as columns.
   using Columns = typename Net::Columns;
+  /// Scratch, which the caller keeps.
   using Workspace = typename Net::Workspace;
 
+  /// Looks at Net::block_size numbers from here on.
   explicit NetworkPart(const T* parameters) noexcept : parameters_(parameters) {}
 
+  /// The part's share of the block.
   std::span<const T> parameters() const noexcept { return {parameters_, Net::block_size}; }
 
   /// As Network::forward, for columns of the right sizes: output_size x n from input_size x n. Allocates
@@ -42,9 +46,13 @@ class NetworkPart {
 template <std::floating_point T, class... Layers>
 class NetworkParts {
  public:
+  /// The type of its numbers.
   using Scalar = T;
+  /// The layers of each part.
   using Architecture = std::tuple<Layers...>;
+  /// How many networks there are.
   static constexpr int part_count = sizeof...(Layers);
+  /// The type of network I.
   template <int I>
   using Part = Network<T, std::tuple_element_t<static_cast<std::size_t>(I), Architecture>>;
 
@@ -55,7 +63,9 @@ class NetworkParts {
     for (int k = 0; k < i; ++k) sum += sizes[static_cast<std::size_t>(k)];
     return sum;
   }
+  /// Numbers in the block, with filling.
   static constexpr std::size_t block_size = offset(part_count);
+  /// Numbers that are learned.
   static constexpr std::size_t parameter_count = (0 + ... + Network<T, Layers>::parameter_count);
 
   /// What training has to know of the block.
@@ -83,12 +93,19 @@ class NetworkParts {
     });
   }
 
+  /// A copy has a block of its own.
+  /// @{
   NetworkParts(const NetworkParts&) = default;
   NetworkParts& operator=(const NetworkParts&) = default;
+  /// @}
 
+  /// The whole block. Filling must stay zero.
+  /// @{
   std::span<T> parameters() noexcept { return {parameters_.data(), block_size}; }
   std::span<const T> parameters() const noexcept { return {parameters_.data(), block_size}; }
+  /// @}
 
+  /// Network I, which looks at this block.
   template <int I>
   NetworkPart<Part<I>> part() const noexcept {
     return NetworkPart<Part<I>>(parameters_.data() + offset(I));

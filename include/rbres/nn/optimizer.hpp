@@ -26,24 +26,35 @@ inline void expect_within(const char* what, double found, double least, double m
 
 /// Adam (Kingma, Ba 2014, algorithm 1), as PyTorch's torch.optim.Adam.
 struct Adam {
+  /// As in the paper: decay of both moments, and what keeps the division finite.
+  /// @{
   double beta1 = 0.9, beta2 = 0.999, epsilon = 1e-8;
+  /// @}
+  /// Blocks that it remembers.
   static constexpr int moment_count = 2;
 
+  /// Throws Error where a number is out of its range.
   void check() const {
     detail::expect_within("Adam::beta1", beta1, 0, 1);
     detail::expect_within("Adam::beta2", beta2, 0, 1);
     detail::expect_within("Adam::epsilon", epsilon, std::numeric_limits<float>::min(), 1);
   }
+  /// By which a checkpoint knows it again.
   std::string text() const {
     return detail::text("Adam ", detail::exact(beta1), " ", detail::exact(beta2), " ",
                         detail::exact(epsilon));
   }
 
+  /// One step.
   template <class T>
   struct Rule {
-    T beta1, rest1, beta2, rest2;  ///< rest: 1 - beta, taken in double: in float 1 - 0.999f is wrong by 5e-5
-    T rate, correction, epsilon,
-        decay;  ///< correction: 1 / sqrt(1 - beta2^step); decay: of a weight per step
+    /// rest: 1 - beta, taken in double: in float 1 - 0.999f is wrong by 5e-5; correction: 1 / sqrt(1 -
+    /// beta2^step); decay: of a weight per step
+    /// @{
+    T beta1, rest1, beta2, rest2;
+    T rate, correction, epsilon, decay;
+    /// @}
+    /// The new weight w, given its gradient g.
     template <class V>
     [[gnu::always_inline]] V operator()(V w, const V& g, V* moments, bool is_weight) const noexcept {
       moments[0] = beta1 * moments[0] + rest1 * g;
@@ -52,6 +63,7 @@ struct Adam {
       return w - rate * moments[0] / (detail::root_of_lanes(moments[1]) * correction + epsilon);
     }
   };
+  /// Of step number `step`, from 1, at a learning rate.
   template <class T>
   Rule<T> rule(double rate, std::uint64_t step) const noexcept {
     const double t = static_cast<double>(step);
@@ -69,16 +81,20 @@ struct Adam {
 /// Adam with decoupled weight decay (Loshchilov, Hutter 2019, algorithm 2), as PyTorch's torch.optim.AdamW,
 /// but biases do not decay. Usually together with TrainingOptions::l2 = 0.
 struct AdamW : Adam {
+  /// A weight loses this share times the learning rate in a step.
   double weight_decay = 1e-2;
 
+  /// Throws Error where a number is out of its range.
   void check() const {
     Adam::check();
     detail::expect_within("AdamW::weight_decay", weight_decay, 0, std::numeric_limits<double>::infinity());
   }
+  /// By which a checkpoint knows it again.
   std::string text() const {
     return detail::text("AdamW ", detail::exact(weight_decay), " of ", Adam::text());
   }
 
+  /// Of step number `step`, from 1, at a learning rate.
   template <class T>
   Rule<T> rule(double rate, std::uint64_t step) const noexcept {
     auto rule = Adam::rule<T>(rate, step);
@@ -89,21 +105,31 @@ struct AdamW : Adam {
 
 /// Stochastic gradient descent with momentum (Polyak 1964), as PyTorch's torch.optim.SGD.
 struct Sgd {
+  /// What is kept of the last step.
   double momentum = 0.9;
+  /// Blocks that it remembers.
   static constexpr int moment_count = 1;
 
+  /// Throws Error where a number is out of its range.
   void check() const { detail::expect_within("Sgd::momentum", momentum, 0, 1); }
+  /// By which a checkpoint knows it again.
   std::string text() const { return detail::text("Sgd ", detail::exact(momentum)); }
 
+  /// One step.
   template <class T>
   struct Rule {
+    /// Of this step.
+    /// @{
     T momentum, rate;
+    /// @}
+    /// The new weight w, given its gradient g.
     template <class V>
     [[gnu::always_inline]] V operator()(const V& w, const V& g, V* moments, bool) const noexcept {
       moments[0] = momentum * moments[0] + g;
       return w - rate * moments[0];
     }
   };
+  /// Of any step, at a learning rate.
   template <class T>
   Rule<T> rule(double rate, std::uint64_t) const noexcept {
     return {static_cast<T>(momentum), static_cast<T>(rate)};
@@ -115,16 +141,20 @@ struct Sgd {
 /// clip_grad_norm_. An infinite norm clips nothing and costs nothing.
 template <class Optimizer>
 struct Clipped : Optimizer {
+  /// The longest gradient that is not scaled.
   double largest_norm = 1;
 
+  /// Throws Error where a number is out of its range.
   void check() const {
     Optimizer::check();
     if (!(largest_norm > 0)) detail::refuse("Clipped::largest_norm", "above 0", largest_norm);
   }
+  /// By which a checkpoint knows it again.
   std::string text() const {
     return detail::text(Optimizer::text(), " clipped at ", detail::exact(largest_norm));
   }
 
+  /// Whether it clips anything.
   bool clips() const noexcept { return std::isfinite(largest_norm); }
   /// What a gradient of this norm is multiplied with.
   double factor(double norm) const noexcept { return std::min(1.0, largest_norm / (norm + 1e-6)); }
@@ -135,14 +165,19 @@ struct Clipped : Optimizer {
 /// 7.2). The averaged weights are those that are validated and may be the best.
 template <class Optimizer>
 struct Averaged : Optimizer {
+  /// What is kept of the average in a step.
   double decay = 0.999;
+  /// The number of the average's block.
   static constexpr int average_moment = Optimizer::moment_count;
+  /// Blocks that it remembers.
   static constexpr int moment_count = Optimizer::moment_count + 1;
 
+  /// Throws Error where a number is out of its range.
   void check() const {
     Optimizer::check();
     detail::expect_within("Averaged::decay", decay, 0, 1);
   }
+  /// By which a checkpoint knows it again.
   std::string text() const { return detail::text(Optimizer::text(), " averaged ", detail::exact(decay)); }
 
   /// What the moment is multiplied with to be the average after so many steps.
@@ -150,10 +185,16 @@ struct Averaged : Optimizer {
     return 1 / (1 - std::pow(decay, static_cast<double>(step)));
   }
 
+  /// One step.
   template <class T, class Inner>
   struct Rule {
+    /// The other optimiser's.
     Inner inner;
+    /// Of the average; rest: 1 - decay.
+    /// @{
     T decay, rest;
+    /// @}
+    /// The new weight w, given its gradient g.
     template <class V>
     [[gnu::always_inline]] V operator()(const V& w, const V& g, V* moments, bool is_weight) const noexcept {
       const V next = inner(w, g, moments, is_weight);
@@ -161,6 +202,7 @@ struct Averaged : Optimizer {
       return next;
     }
   };
+  /// Of step number `step`, from 1, at a learning rate.
   template <class T>
   auto rule(double rate, std::uint64_t step) const noexcept {
     const auto inner = Optimizer::template rule<T>(rate, step);

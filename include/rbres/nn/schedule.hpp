@@ -25,15 +25,21 @@ struct EpochLosses {
 /// learning rate. One whose rates depend on `epochs` says so by bool spans_run() const: a run of another
 /// length does not go on with it, as its rate would jump.
 struct TrainingTime {
-  int epoch = 0, epochs = 1;               ///< 0, 1, ..., epochs - 1
+  /// 0, 1, ..., epochs - 1.
+  /// @{
+  int epoch = 0, epochs = 1;
+  /// @}
   std::uint64_t step = 0;                  ///< 0, 1, ..., counted from the run's first
   std::span<const EpochLosses> history{};  ///< of the epochs before this one
 };
 
 /// How many epochs ago the loss last fell by more than min_delta below its lowest value at that time.
 struct Stagnation {
+  /// The lowest loss so far.
   double least = std::numeric_limits<double>::infinity();
+  /// Since it fell.
   int epochs = 0;
+  /// The loss of one more epoch.
   void add(double loss, double min_delta) noexcept {
     if (loss < least - min_delta)
       least = loss, epochs = 0;
@@ -44,14 +50,19 @@ struct Stagnation {
 
 /// How the learning rate falls from epoch to epoch.
 struct Schedule {
+  /// How it falls.
   enum class Kind {
     power,   ///< initial (1 + gamma t)^-power at epoch t (arXiv 2407.18798, section 3)
     cosine,  ///< from initial to 0 along half a cosine over all epochs (Loshchilov, Hutter 2017, equation 5)
     constant
   };
+  /// How it falls.
   Kind kind = Kind::power;
+  /// The rate of the first epoch.
   double initial = 1e-3;
+  /// Of Kind::power, 0 or more.
   double gamma = 0.1;
+  /// Of Kind::power.
   double power = 0.75;
 
   /// The rate in epoch t = 0, 1, ..., epochs - 1.
@@ -66,8 +77,10 @@ struct Schedule {
     }
     return initial;
   }
+  /// The rate of a step.
   double operator()(const TrainingTime& now) const noexcept { return rate(now.epoch, now.epochs); }
 
+  /// Whether rates depend on how many epochs there are.
   bool spans_run() const noexcept { return kind == Kind::cosine; }
 
   /// Throws Error where a number is out of its range.
@@ -122,18 +135,25 @@ void check_schedule(const S& schedule) {
 /// 2017, section 2.2). As PyTorch's LinearLR with start_factor 1 / steps and total_iters steps - 1.
 template <class S>
 struct WarmUp {
+  /// What it changes.
   S schedule;
+  /// How many steps it takes.
   std::uint64_t steps;
 
+  /// The rate of a step.
   double operator()(const TrainingTime& now) const {
     const double height =
         now.step + 1 < steps ? static_cast<double>(now.step + 1) / static_cast<double>(steps) : 1;
     return height * schedule(now);
   }
+  /// Whether rates depend on how many epochs there are.
   bool spans_run() const { return detail::spans_run(schedule); }
+  /// Throws Error where the schedule's check() does.
   void check() const { detail::check_schedule(schedule); }
+  /// By which a checkpoint knows it again.
   std::string text() const { return detail::text(detail::schedule_text(schedule), " warm-up ", steps); }
 };
+/// Around a schedule of any type.
 template <class S, class Count>
 WarmUp(S, Count) -> WarmUp<S>;
 
@@ -141,11 +161,16 @@ WarmUp(S, Count) -> WarmUp<S>;
 /// than min_delta for more than `patience` epochs. As PyTorch's ReduceLROnPlateau with threshold_mode "abs".
 template <class S>
 struct Plateau {
+  /// What it changes.
   S schedule;
+  /// Above 0, at most 1.
   double factor = 0.1;
+  /// Epochs without a lower loss.
   int patience = 10;
+  /// Lower by more than this, 0 or more.
   double min_delta = 0;
 
+  /// The rate of a step.
   double operator()(const TrainingTime& now) const {
     Stagnation stagnation;
     double height = 1;
@@ -157,7 +182,9 @@ struct Plateau {
     }
     return height * schedule(now);
   }
+  /// Whether rates depend on how many epochs there are.
   bool spans_run() const { return detail::spans_run(schedule); }
+  /// Throws Error where a number is out of its range.
   void check() const {
     detail::check_schedule(schedule);
     if (!(factor > 0 && factor <= 1)) detail::refuse("Plateau::factor", "above 0, at most 1", factor);
@@ -165,11 +192,13 @@ struct Plateau {
     if (!(min_delta >= 0 && std::isfinite(min_delta)))
       detail::refuse("Plateau::min_delta", "at least 0", min_delta);
   }
+  /// By which a checkpoint knows it again.
   std::string text() const {
     return detail::text(detail::schedule_text(schedule), " plateau ", detail::exact(factor), " ", patience,
                         " ", detail::exact(min_delta));
   }
 };
+/// Around a schedule of any type.
 template <class S, class... Numbers>
 Plateau(S, Numbers...) -> Plateau<S>;
 

@@ -141,13 +141,17 @@ class BatchTape {
 template <class Net>
 class Tape {
  public:
+  /// Samples as columns.
   using Columns = typename Net::Columns;
+  /// Columns to read.
   using In = Eigen::Ref<const Columns, 0, Eigen::OuterStride<>>;
+  /// Columns to write.
   using Out = Eigen::Ref<Columns, 0, Eigen::OuterStride<>>;
 
   /// For up to `capacity` samples at once.
   explicit Tape(Eigen::Index capacity) : batch_("Tape", capacity) {}
 
+  /// Samples at once.
   Eigen::Index capacity() const noexcept { return batch_.capacity(); }
 
   /// Fills `outputs` (output_size x n) from `inputs` (input_size x n). With a mask Dropouts drop, as in
@@ -171,6 +175,7 @@ class Tape {
   void backward(const Network& network, const In& by_outputs, Gradient&& gradient) {
     back(network, by_outputs, gradient, false);
   }
+  /// The same with the derivative by the inputs, input_size x n.
   template <class Network, class Gradient>
   void backward(const Network& network, const In& by_outputs, Gradient&& gradient, Out by_inputs) {
     detail::expect_shape("Tape::backward: gradient by the inputs", by_inputs, Net::input_size, recorded_);

@@ -25,8 +25,11 @@ class Trainer {
   using MaybeO = std::optional<O>;
 
  public:
+  /// The network's numbers.
   using Scalar = typename Net::Scalar;
+  /// Hears of an epoch; false stops.
   using Callback = std::function<bool(const EpochReport&)>;
+  /// A schedule.
   using LearningRate = std::function<double(const TrainingTime&)>;
 
   /// Throws Error where a size does not fit, an option is out of its range, or a number in the samples is not
@@ -53,13 +56,19 @@ class Trainer {
     make_room();
     state_.progress.status = standing();
   }
+  /// A copy goes on to the same bits.
+  /// @{
   Trainer(const Trainer&) = default;
   Trainer& operator=(const Trainer&) = default;
+  /// @}
 
+  /// What it was made with.
   const TrainingOptions& options() const noexcept { return options_; }
+  /// Where the run stands.
   const TrainingState<Net>& state() const noexcept { return state_; }
   /// The newest weights, and the best ones so far.
   const Net& network() const noexcept { return state_.network; }
+  /// The best weights so far.
   const Net& best() const noexcept { return state_.best; }
 
   /// From now on the learning rate of each step is schedule(TrainingTime), in place of options.schedule: a

@@ -14,6 +14,7 @@ namespace rbres::RBRES_ABI {
 struct TrainingOptions {
   int epochs = 200;     ///< 0 trains nothing
   int batch_size = 64;  ///< items of a step
+  /// The learning rate.
   Schedule schedule{};
   double l2 = 1e-4;  ///< λ: what is minimised has + λ Σ w² over the weights of all Linears, not over biases
   double dropout = 0.2;    ///< rate of every Dropout layer
@@ -38,6 +39,7 @@ struct TrainingOptions {
   }
 };
 
+/// How a run stands.
 enum class TrainingStatus : std::uint32_t {
   running,
   finished,       ///< all epochs done
@@ -52,7 +54,9 @@ struct TrainingProgress {
   std::uint64_t epoch = 0;       ///< epochs done
   std::uint64_t step = 0;        ///< optimiser steps done
   std::uint64_t best_epoch = 0;  ///< epochs done when the best loss was found; 0: none yet
+  /// The lowest loss so far.
   double best_loss = std::numeric_limits<double>::infinity();
+  /// How the run stands.
   TrainingStatus status = TrainingStatus::running;
 };
 
@@ -63,6 +67,7 @@ struct TrainingState {
   Net network;  ///< the newest weights
   Net best;     ///< those with the lowest validation loss, or training loss where there is no validation
   AlignedBuffer<typename Net::Scalar> moments;  ///< Optimizer::moment_count blocks of Net::block_size
+  /// Where the run stands.
   TrainingProgress progress{};
   std::vector<EpochLosses> history{};  ///< of each epoch done
 };
@@ -70,13 +75,17 @@ struct TrainingState {
 /// What a callback hears after each epoch.
 struct EpochReport {
   std::uint64_t epoch = 0;  ///< epochs done
+  /// That there are to be.
   int epochs = 0;
   double train_loss = 0;       ///< mean over the epoch, with dropout, without the L2 term
   double validation_loss = 0;  ///< without dropout and the L2 term; NaN where there are no validation items
+  /// The lowest so far.
   double best_loss = 0;
   double learning_rate = 0;  ///< of the epoch's last step
+  /// Items learned from in a second.
   double samples_per_second = 0;
   double seconds_left = 0;  ///< if all epochs are run
+  /// How the run stands.
   TrainingStatus status = TrainingStatus::running;
 };
 
