@@ -1,5 +1,6 @@
 #pragma once
 
+/// @file
 /// Files: models, checkpoints and headers of networks, NumPy's .npy for data, glTF animations. Needs
 /// nlohmann_json and POSIX besides what <rbres/rbres.hpp> needs.
 ///

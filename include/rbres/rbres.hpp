@@ -1,5 +1,6 @@
 #pragma once
 
+/// @file
 /// Everything but files (those are in <rbres/io.hpp>); needs Eigen alone.
 #include <rbres/body/mechanics.hpp>
 #include <rbres/body/system.hpp>

@@ -7,6 +7,7 @@
 
 namespace rbres::RBRES_ABI {
 
+/// @file
 /// A shape is centred at the body's centre of mass. Every shape gives: bounding_radius() (m), lever() (the
 /// largest speed at which a unit spin moves the surface along its normal, m), volume() (m^3),
 /// unit_inertia() (principal moments of a uniform solid over its mass, m^2), and frontal(v, factor): the

@@ -4,6 +4,7 @@
 
 namespace rbres::RBRES_ABI {
 
+/// @file
 /// detect(first, its pose, second, its pose): how two shapes meet. There is one function for each pair of
 /// shapes, and no fallback: a pair without one does not compile.
 

@@ -11,6 +11,7 @@
 #include <string>
 #include <string_view>
 
+/// The library. Everything but Error and error_handler stands in an inline namespace, see abi.hpp.
 namespace rbres {
 
 /// What every refused input throws: says what was expected and what was found.

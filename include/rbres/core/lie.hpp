@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <rbres/core/vector.hpp>
 
+/// @file
 /// The group of rotations in space, as unit quaternions and as matrices, and its Lie algebra: a rotation
 /// vector phi stands along the axis and is as long as the angle (rad). Equations are those of Sola, Deray,
 /// Atchuthan 2018, "A micro Lie theory for state estimation in robotics". S is any scalar: float, double,

@@ -5,12 +5,14 @@
 
 namespace rbres::RBRES_ABI {
 
+/// @file
 /// A force model gives the wrench on one body. It is any callable with one of these forms, a user's lambda
 /// included:
-///   (body, state)                 the body and its own state
-///   (body, state, index, time)    and which body it is, and when (s)
-///   (system, states, index, time) the whole system: forces between bodies; not with `auto` for the system,
-///                                 which would pass for a body
+///
+///     (body, state)                 the body and its own state
+///     (body, state, index, time)    and which body it is, and when (s)
+///     (system, states, index, time) the whole system: forces between bodies; not with `auto` for the system,
+///                                   which would pass for a body
 ///
 /// Compose with Forces{Gravity{}, FluidFriction{}, ...}; nothing is decided at run time. A model may say with
 /// turns() that it never exerts a torque.

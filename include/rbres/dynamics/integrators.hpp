@@ -19,6 +19,7 @@ SystemState<S, N> advanced(const SystemState<S, N>& y, const S& h, const SystemR
   return out;
 }
 
+/// @file
 /// An integrator takes a state over a step: advance(rate, y, t, h) with rate(t, y) the time derivative, t (s)
 /// the time at the start and h (s) the step. States are RigidState (one body, where no force couples bodies)
 /// or SystemState. `order` is that of the global error. The quaternion is normalised once, at the end of the

@@ -7,6 +7,7 @@
 
 namespace rbres::RBRES_ABI {
 
+/// @file
 /// What a learned predictor is held against. Each is callable as (state, wrench, present) and gives the state
 /// `horizon` seconds later.
 

@@ -33,6 +33,7 @@ class AtomicFile {
   /// run.
   AtomicFile(std::filesystem::path path, std::uint64_t size)
       : path_(std::move(path)), partial_(partial(path_)), file_(open(size)), end_(size), stays_(true) {}
+  /// The other then owns no file.
   AtomicFile(AtomicFile&&) noexcept = default;
   AtomicFile& operator=(AtomicFile&&) = delete;
 
@@ -46,6 +47,7 @@ class AtomicFile {
     return path.string() + ".rbres-partial";
   }
 
+  /// Where the file will be.
   const std::filesystem::path& path() const noexcept { return path_; }
 
   /// Appends `size` bytes.

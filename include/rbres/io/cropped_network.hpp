@@ -17,8 +17,12 @@ namespace rbres::RBRES_ABI {
 /// begins and ends with a Linear, and must stay until the file is written.
 template <class Net>
 struct CroppedNetwork {
+  /// Of which the file has a part.
   const Net& network;
+  /// So many, the first ones.
+  /// @{
   int inputs, outputs;
+  /// @}
 };
 
 namespace detail {
@@ -30,8 +34,10 @@ inline constexpr bool is_linear<Linear<In, Out>> = true;
 
 }  // namespace detail
 
+/// The file of a network of the cropped sizes.
 template <std::floating_point T, class... Layers>
 struct ModelFormat<CroppedNetwork<Network<T, Sequential<Layers...>>>> {
+  /// The whole network.
   using Model = Network<T, Sequential<Layers...>>;
   static_assert(detail::is_linear<std::tuple_element_t<0, std::tuple<Layers...>>> &&
                     detail::is_linear<std::tuple_element_t<sizeof...(Layers) - 1, std::tuple<Layers...>>> &&

@@ -11,6 +11,7 @@
 #include <rbres/io/dataset_folder.hpp>
 #include <rbres/io/folder_lock.hpp>
 
+/// @file
 /// Data sets on disk: a folder that anyone's NumPy reads. Arrays count scenarios first, in C order:
 ///
 ///     initial.npy        float32 (n, 5, 13)   states at the start, body by body

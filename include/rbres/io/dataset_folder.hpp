@@ -14,6 +14,7 @@
 #include <rbres/io/npy.hpp>
 #include <rbres/sim/dataset.hpp>
 
+/// @file
 /// What the folder of a data set holds: its description and its arrays.
 namespace rbres::RBRES_ABI::detail {
 

@@ -22,7 +22,9 @@ namespace rbres::RBRES_ABI {
 /// Red, green, blue (linear) and opacity, each in [0, 1].
 using GltfColour = std::array<double, 4>;
 
+/// What is true.
 inline constexpr GltfColour gltf_solid_blue{0.00, 0.17, 0.45, 1.0};
+/// What is predicted, seen through.
 inline constexpr GltfColour gltf_clear_orange{0.80, 0.20, 0.00, 0.55};
 
 /// How a motion is shown.

@@ -7,6 +7,7 @@
 
 #include <rbres/io/atomic_file.hpp>
 
+/// @file
 /// Small JSON files, read and written whole.
 namespace rbres::RBRES_ABI::detail {
 

@@ -88,6 +88,7 @@ void add_probes(SafetensorsWriter& file, const Net& network, int inputs, int out
 /// file without these metadata, as PyTorch writes it, must hold the network's tensors and no others.
 template <std::floating_point T, class Layers>
 struct ModelFormat<Network<T, Layers>> {
+  /// The network's type.
   using Model = Network<T, Layers>;
 
   /// The network must stay until the file is written.
@@ -97,6 +98,7 @@ struct ModelFormat<Network<T, Layers>> {
     detail::add_probes(file, network, Model::input_size, Model::output_size);
   }
 
+  /// Throws Error where the file is of another network.
   static Model read(const SafetensorsReader& file) {
     const bool is_ours = file.metadata().contains("architecture");
     if (is_ours) require_metadata(file, network_metadata<Model>());

@@ -27,6 +27,7 @@ class NpyWriter {
   static_assert(!detail::npy_descr<Scalar>().empty(), "rbres: no .npy files of this type");
 
  public:
+  /// Samples as columns.
   using Columns = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
 
   /// sample_shape is the shape of one sample in C order: {} makes a file of shape (samples), {65} one of
@@ -58,7 +59,9 @@ class NpyWriter {
     samples_ += columns.cols();
   }
 
+  /// Numbers of a sample.
   Eigen::Index features() const noexcept { return features_; }
+  /// Written so far.
   Eigen::Index samples() const noexcept { return samples_; }
 
   /// Waits until the samples so far are on the disk.
@@ -112,8 +115,10 @@ class NpyReader {
   static_assert(!detail::npy_descr<Scalar>().empty(), "rbres: no .npy files of this type");
 
  public:
+  /// Samples as columns.
   using Columns = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
 
+  /// Opens a file and reads its header.
   explicit NpyReader(std::filesystem::path path)
       : file_(std::move(path)), header_(detail::read_npy_header(file_)) {
     if (header_.descr != detail::npy_descr<Scalar>())
@@ -134,6 +139,7 @@ class NpyReader {
 
   /// The array's shape, samples first.
   const std::vector<Eigen::Index>& shape() const noexcept { return header_.shape; }
+  /// How many there are.
   Eigen::Index samples() const noexcept { return header_.shape.front(); }
   /// Numbers per sample: the product of the other extents.
   Eigen::Index features() const noexcept { return features_; }

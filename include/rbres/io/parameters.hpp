@@ -14,6 +14,7 @@
 #include <rbres/io/safetensors.hpp>
 #include <rbres/nn/network.hpp>
 
+/// @file
 /// What the files of networks and of training runs have in common.
 namespace rbres::RBRES_ABI {
 

@@ -16,6 +16,7 @@ namespace rbres::RBRES_ABI {
 /// rates). PyTorch still loads the network. Shapes must stand along the principal axes.
 template <class Net, int N>
 struct ModelFormat<Predictor<Net, N>> {
+  /// The predictor's type.
   using Model = Predictor<Net, N>;
 
   /// Refuses what read() would not take.
@@ -34,6 +35,7 @@ struct ModelFormat<Predictor<Net, N>> {
                        "a turned one");
   }
 
+  /// The predictor must stay until the file is written. Throws Error where check() does.
   static void write(SafetensorsWriter& file, const Model& p) {
     check(p);
     ModelFormat<Net>::write(file, p.network);
@@ -54,6 +56,7 @@ struct ModelFormat<Predictor<Net, N>> {
     file.metadata["flow_forces"] = detail::numbers_to_text(forces_of(p));
   }
 
+  /// Throws Error where the file is of another predictor.
   static Model read(const SafetensorsReader& file) {
     Net network = ModelFormat<Net>::read(file);
     Bodies bodies;

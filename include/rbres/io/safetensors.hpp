@@ -61,6 +61,7 @@ inline std::size_t shape_size(const std::string& what, const std::vector<Eigen::
 /// until write() is done.
 class SafetensorsWriter {
  public:
+  /// What the file says of itself.
   Metadata metadata;
 
   /// `values` points to the tensor's numbers in row-major (C) order. Error when the name is taken, or the
@@ -180,6 +181,7 @@ class SafetensorsWriter {
 /// every change is an Error, of every single bit.
 class SafetensorsReader {
  public:
+  /// Opens a file and reads its header.
   explicit SafetensorsReader(std::filesystem::path path) : file_(std::move(path)) {
     std::uint64_t size = 0;
     file_.read(0, &size, sizeof size);
@@ -198,9 +200,13 @@ class SafetensorsReader {
     if (has_digest()) check_digest(std::move(json));
   }
 
+  /// Of the file.
   const std::filesystem::path& path() const noexcept { return file_.path(); }
+  /// What the file says of itself.
   const Metadata& metadata() const noexcept { return metadata_; }
+  /// What the file holds, by name.
   const std::map<std::string, TensorInfo>& tensors() const noexcept { return tensors_; }
+  /// Whether it holds a tensor of this name.
   bool contains(const std::string& name) const { return tensors_.contains(name); }
   /// Whether the file says its own digest, which then is right.
   bool has_digest() const { return metadata_.contains(std::string(detail::digest_key)); }

@@ -15,19 +15,23 @@
 #include <rbres/io/trajectory_folder.hpp>
 #include <rbres/learn/trajectory.hpp>
 
+/// @file
 /// Trajectory sets as folders:
-///   world.json    {"frame_time": s, "gravity": [x, y, z], "planes": [{"normal": [x, y, z], "offset": m},
-///   ...]};
-///                 the free side of a plane is dot(normal, p) >= offset
-///   states.npy    (scenes, frames, bodies, 13): position (m), orientation (x, y, z, w), velocity (m/s, world
-///                 frame), angular velocity (rad/s, body frame)
-///   kind.npy      (scenes, bodies): 0 sphere, 1 box, 2 capsule along z
-///   size.npy      (scenes, bodies, 3), m: radius; half extents; radius and half length; others are ignored
-///   mass.npy      (scenes, bodies), kg
+///
+///     world.json    {"frame_time": s, "gravity": [x, y, z], "planes": [...]}, each plane as {"normal":
+///                   [x, y, z], "offset": m}; its free side is dot(normal, p) >= offset
+///     states.npy    (scenes, frames, bodies, 13): position (m), orientation (x, y, z, w), velocity (m/s,
+///                   world frame), angular velocity (rad/s, body frame)
+///     kind.npy      (scenes, bodies): 0 sphere, 1 box, 2 capsule along z
+///     size.npy      (scenes, bodies, 3), m: radius; half extents; radius and half length; others are ignored
+///     mass.npy      (scenes, bodies), kg
+///
 /// and, where they are there,
-///   length.npy    (scenes): how many frames are valid; otherwise all. What stands behind them is ignored.
-///   inertia.npy   (scenes, bodies, 3): principal moments, kg m^2; otherwise those of uniform solids
-///   material.npy  (scenes, bodies, 2): restitution and friction; otherwise those of Material
+///
+///     length.npy    (scenes): how many frames are valid; otherwise all. What follows them is ignored.
+///     inertia.npy   (scenes, bodies, 3): principal moments, kg m^2; otherwise those of uniform solids
+///     material.npy  (scenes, bodies, 2): restitution and friction; otherwise those of Material
+///
 /// Arrays are <f4 or <f8, kind and length <i8. Planes have the restitution and friction of Material.
 namespace rbres::RBRES_ABI {
 namespace detail {

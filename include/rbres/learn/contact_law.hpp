@@ -20,13 +20,19 @@ namespace rbres::RBRES_ABI {
 ///     simulate(system, state, Gravity{}, Rk4{}, law, {.step = law.scales.frame_time, .duration = 2.0});
 template <int Width = 48, int Rounds = 2, std::floating_point T = float>
 struct ContactLaw {
+  /// The network's numbers.
   using Scalar = T;
+  /// What a law's network is.
   using Network =
       ContactNetwork<T, detail::Contact::features, detail::ContactImpulse::outputs, Width, Rounds>;
+  /// The contacts of one frame.
   using Frame = detail::ContactFrame<T>;
 
+  /// What is learned.
   Network network;
+  /// Of the network's inputs.
   Normalizer<T, detail::Contact::features> input{};
+  /// The units in which the network counts.
   ContactScales scales{};
 
   /// Room for `bodies` bodies among `planes` planes, with up to `points` contact points for each pair (1 for
@@ -34,6 +40,7 @@ struct ContactLaw {
   /// beyond that are left out.
   class Workspace {
    public:
+    /// Allocates all that a frame needs.
     Workspace(std::size_t bodies, std::size_t planes, std::size_t points = 12)
         : frame(bodies, most_contacts(bodies, planes, points)),
           network(static_cast<Eigen::Index>(most_contacts(bodies, planes, points)),
@@ -80,6 +87,7 @@ struct ContactLaw {
   /// `touching` counts contact points; nothing else is counted.
   static constexpr bool allows_overlap = true;
   static constexpr bool corrects = false;  ///< see HybridLaw
+  /// How strong the impulses are, see HybridLaw.
   static constexpr double weight = 1;
 
   /// Throws Error where a step is not the law's frame time.
@@ -87,12 +95,14 @@ struct ContactLaw {
     for (const long part : {0L, plan.parts() - 1})
       if (plan.parts() > 0) check_step(plan.part(part).step);
   }
+  /// Throws Error where the step (s) is not the law's frame time.
   void check_step(double step) const {
     if (!(std::abs(step - scales.frame_time) <= 1e-6 * scales.frame_time))
       detail::refuse("step of a learned contact law",
                      detail::text("its frame time, ", scales.frame_time, " s"), step);
   }
 
+  /// Takes one system's state over frames.
   template <class System>
   using Step = detail::LawStep<ContactLaw, System>;
 };

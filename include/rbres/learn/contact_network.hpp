@@ -15,8 +15,11 @@ namespace rbres::RBRES_ABI {
 /// x (1 + x / sqrt(1 + x^2)) / 2: like Silu, with an algebraic gate that costs a square root instead of an
 /// exponential.
 struct AlgebraicSilu {
+  /// As files name it.
   static constexpr std::string_view name = "rbres::AlgebraicSilu";
 
+  /// The function and its derivative.
+  /// @{
   template <class T>
   static T value(const T& x) {
     return T(x * gate(T(x * inverse_length(x))));
@@ -26,6 +29,7 @@ struct AlgebraicSilu {
     const T inverse = inverse_length(x);
     return T(gate(T(x * inverse)) + detail::constant<T>(1) / 2 * x * inverse * inverse * inverse);
   }
+  /// @}
 
  private:
   template <class T>
@@ -85,22 +89,33 @@ class ContactNetwork
 
  public:
   using Base::Base;
+  /// Numbers of a contact that it is given and that it gives, of its encoding, and passes over all contacts.
+  /// @{
   static constexpr int inputs = In, outputs = Out, width = Width, rounds = Rounds;
+  /// @}
+  /// Contacts as columns.
   using Columns = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
+  /// Which bodies each contact joins.
   using Ends = std::span<const detail::ContactEnds>;
 
   /// Room for up to `contacts` contacts between up to `bodies` bodies, which the caller keeps.
   class Workspace {
    public:
+    /// Allocates all that a pass needs.
     Workspace(Eigen::Index contacts, Eigen::Index bodies)
         : encoding(Width, contacts),
           change(Width, contacts),
           gathered(3 * Width, contacts),
           sums(Width, bodies) {}
 
+    /// Of the pass.
+    /// @{
     Columns encoding, change, gathered, sums;
+    /// @}
+    /// Of the first network.
     typename Part<0>::Workspace encoder;
     typename Part<1>::Workspace message;  ///< the decoder's where there are no messages
+    /// Of the last network.
     typename Part<Rounds>::Workspace decoder;
   };
 

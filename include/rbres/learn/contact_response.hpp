@@ -4,6 +4,7 @@
 
 #include <span>
 
+/// @file
 /// How the contacts of a frame feel one another, and their own bodies' shapes: each is pushed along its
 /// normal as if it were alone, and all see what the pushes together change of their velocities.
 namespace rbres::RBRES_ABI::detail {

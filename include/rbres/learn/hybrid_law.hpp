@@ -14,9 +14,12 @@ namespace rbres::RBRES_ABI {
 /// momentum are kept as far as the analytic law keeps them.
 template <int Width = 48, int Rounds = 2, std::floating_point T = float>
 struct HybridLaw : ContactLaw<Width, Rounds, T> {
+  /// Discrete contacts come first.
   static constexpr bool corrects = true;
+  /// How strong the network's impulses are.
   double weight = 1;
 
+  /// Takes one system's state over frames.
   template <class System>
   using Step = detail::LawStep<HybridLaw, System>;
 };

@@ -5,12 +5,16 @@
 
 namespace rbres::RBRES_ABI {
 
+/// How numbers of a world are fitted.
 struct IdentifyOptions {
+  /// What is fitted.
   std::vector<Unknown> unknowns{Unknown::restitution, Unknown::friction, Unknown::gravity, Unknown::inertia,
                                 Unknown::size};
+  /// How the simulations go.
   SceneStep step{};
   int window = 80;             ///< frames that a simulation goes on from a frame of the data, at most
   long most_states = 100'000;  ///< bodies times frames to which the numbers are fitted
+  /// How the search goes.
   FitOptions fit{};
 
   /// Throws Error naming the first option that makes no sense.
@@ -25,15 +29,20 @@ struct IdentifyOptions {
 
 /// What identify found.
 struct Identification {
+  /// What was fitted.
   std::vector<Unknown> unknowns;
   FitResult fit;  ///< in the order of the unknowns
+  /// How the simulations went.
   SceneStep step;
 
+  /// Of unknown i.
   double value(Eigen::Index i) const { return fit.value(i); }
   /// Infinite where the data do not say.
   double standard_error(Eigen::Index i) const { return std::sqrt(fit.covariance(i, i)); }
+  /// To simulate with.
   WorldNumbers numbers() const { return numbers_of(unknowns, fit.value); }
 
+  /// These values for these unknowns, in their order.
   static WorldNumbers numbers_of(const std::vector<Unknown>& unknowns, const Eigen::VectorXd& values) {
     WorldNumbers numbers;
     for (std::size_t i = 0; i < unknowns.size(); ++i)

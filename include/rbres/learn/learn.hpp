@@ -1,5 +1,6 @@
 #pragma once
 
+/// @file
 /// Learning from trajectories, measured or simulated: what a world is made of, and how its bodies collide.
 ///
 ///     const TrajectorySet& scenes = ...;                      // frames of bodies, planes, gravity

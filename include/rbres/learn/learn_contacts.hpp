@@ -23,13 +23,16 @@ struct ContactLearning {
     int epochs;      ///< passes over all rollouts of this length
     int batch_size;  ///< rollouts of a step
   };
+  /// One after the other.
   std::vector<Stage> stages{{1, 1, 8, 256}, {4, 2, 8, 64}, {16, 8, 24, 16}, {32, 16, 20, 8}};
   double learning_rate = 2e-3;  ///< falls along half a cosine over all stages
   double largest_gradient = 1;  ///< longer ones are clipped
+  /// What is made small.
   RolloutLoss loss{};
   /// What the velocities of the trajectories are. A law learned from means takes SemiImplicitEuler where it
   /// is used, else Rk4.
   SceneStep::Velocity velocity = SceneStep::Velocity::instant;
+  /// Of the network's first weights and the order of rollouts.
   std::uint64_t seed = 0;
   int threads = 0;  ///< 0: default_threads(); changes no bit of the result
 
@@ -141,6 +144,7 @@ Law untrained_law(const TrajectorySet& set, std::uint64_t seed) {
 template <class Law>
 class ContactTraining {
  public:
+  /// Trains the network on rollouts of one length.
   using StageTrainer = Trainer<typename Law::Network, Clipped<Adam>, Rollouts<Law>>;
 
   /// Both sets must outlive it. Throws Error where the sets or options make no sense.
@@ -163,8 +167,10 @@ class ContactTraining {
   ContactTraining(const TrajectorySet&&, const TrajectorySet&, const ContactLearning& = {}) = delete;
   ContactTraining(const TrajectorySet&, const TrajectorySet&&, const ContactLearning& = {}) = delete;
 
+  /// How many there are.
   int stages() const { return static_cast<int>(options_.stages.size()); }
   int stage() const { return stage_; }  ///< the one that runs: 0, 1, ...
+  /// That of the stage that runs.
   const StageTrainer& trainer() const { return *trainer_; }
 
   /// The law with the best weights so far.

@@ -18,6 +18,7 @@ struct PhysicsTerms {
   /// counted in ContactScales::speed.
   double complementarity = 0;
 
+  /// Whether one of them costs anything.
   bool any() const { return energy > 0 || penetration > 0 || complementarity > 0; }
 };
 

@@ -12,11 +12,16 @@ namespace rbres::RBRES_ABI {
 
 /// A number to fit: where the search starts, how far it looks at first, and its bounds.
 struct FitNumber {
+  /// In the number's own unit.
+  /// @{
   double start = 0, width = 1, least = 0, most = 1;
+  /// @}
 };
 
+/// How a fit goes.
 struct FitOptions {
   double tolerance = 2e-2;  ///< the search ends with steps of this share of the first widths
+  /// Steps before the search ends anyway.
   int max_iterations = 60;
 
   /// Throws Error naming the first option that makes no sense.
@@ -28,6 +33,7 @@ struct FitOptions {
 
 /// What a fit found.
 struct FitResult {
+  /// The numbers, in the order in which they were given.
   Eigen::VectorXd value;
   Eigen::MatrixXd covariance;  ///< of the values; infinite on the diagonal where the data do not say
   double loss = 0;             ///< see RobustFit
@@ -50,6 +56,8 @@ class RobustFit {
   using Matrix = Eigen::MatrixXd;
 
  public:
+  /// `errors` must outlive it. Throws Error where there are no more clusters than numbers, or an option makes
+  /// no sense.
   RobustFit(const std::vector<FitNumber>& numbers, Eigen::Index components,
             std::vector<Eigen::Index> clusters, const Errors& errors, const FitOptions& options = {})
       : numbers_(numbers),
@@ -66,6 +74,7 @@ class RobustFit {
     }
   }
 
+  /// Fits the numbers.
   FitResult run() {
     Vector x(count());
     for (Eigen::Index i = 0; i < count(); ++i) x(i) = std::clamp(at(i).start, at(i).least, at(i).most);

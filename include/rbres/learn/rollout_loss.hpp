@@ -10,8 +10,10 @@ namespace rbres::RBRES_ABI {
 /// What a rollout's errors cost: for each body and frame the length of each error times its weight, up to a
 /// cap, beyond which a trajectory is lost and teaches nothing.
 struct RolloutLoss {
+  /// What one kind of error costs.
   struct Term {
-    double weight, cap;  ///< 1/unit, unit
+    double weight;  ///< 1/unit
+    double cap;     ///< unit
   };
   Term position{100, 0.3};  ///< m
   Term rotation{1, 1};      ///< rad
@@ -21,6 +23,7 @@ struct RolloutLoss {
   /// stayed as it is (or, of velocities, grew with time). Impacts can make errors grow without bound; what
   /// such rollouts say of their beginnings drowns all others, and is scaled down to this.
   double largest_growth = std::numeric_limits<double>::infinity();
+  /// What breaking rules costs.
   PhysicsTerms physics{};
 };
 

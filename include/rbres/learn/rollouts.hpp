@@ -23,11 +23,18 @@ class Rollouts {
  public:
   /// Of one thread: every frame of the rollouts of a chunk.
   struct Scratch {
+    /// The frames, one after the other.
     std::vector<detail::RolloutFrame<Law>> frames;
+    /// Each body alone, of all rollouts.
     std::vector<const System<double, 1>*> bodies;
+    /// The scene of each rollout.
     std::vector<const SceneSystem*> scenes;
     std::vector<double> shares;  ///< of a body's errors in the whole
+    /// Of all bodies: where they are, and derivatives by them.
+    /// @{
     States states, by_end, by_start, by_energy;
+    /// @}
+    /// The way back through one frame.
     detail::FrameGradient<Law> gradient;
   };
 
@@ -52,11 +59,15 @@ class Rollouts {
       detail::refuse("Rollouts: scenes", detail::text("one of at least ", frames + 1, " frames"), "none");
   }
 
+  /// What an Objective has.
+  /// @{
   Scratch scratch() const { return {}; }
   std::ptrdiff_t count() const { return std::ssize(windows_); }
+  /// @}
   /// Fewer long rollouts, of which a step takes few: so that several threads have some.
   std::ptrdiff_t chunk() const { return frames_ < 8 ? 16 : 4; }
 
+  /// The sum over the rollouts.
   double value(const Net& network, Items items, Scratch& own) const {
     begin(items, own);
     double value = 0;
@@ -72,6 +83,7 @@ class Rollouts {
     return value;
   }
 
+  /// The same; adds the sum's derivative to `gradient`.
   double differentiate(const Net& network, Items items, const DropoutMask&, Scratch& own,
                        ParameterGradient<Net>& gradient) const {
     begin(items, own);

@@ -20,20 +20,26 @@ enum class Unknown {
   size,         ///< factor on every length of every shape; inertia stays
   offset,       ///< added to every plane's offset, m
 };
+/// As command lines name them, in their order.
 inline constexpr std::array unknown_names{"restitution", "friction", "gravity", "damping",
                                           "mass",        "inertia",  "size",    "offset"};
+/// As command lines name it.
 inline const char* name(Unknown u) { return unknown_names[static_cast<std::size_t>(u)]; }
 
 /// Numbers that stand in for those of a trajectory set; where there is none, the set's own holds.
 class WorldNumbers {
  public:
+  /// The number; none where the set's own holds.
+  /// @{
   std::optional<double>& operator[](Unknown u) { return number_[static_cast<std::size_t>(u)]; }
   const std::optional<double>& operator[](Unknown u) const { return number_[static_cast<std::size_t>(u)]; }
+  /// @}
 
   /// A scene's bodies, and the set's planes.
   SceneSystem system(const TrajectorySet& set, const Trajectory& scene) const {
     return {bodies(scene), planes(set)};
   }
+  /// Gravity and damping.
   Forces<Gravity<double>, Damping<double>> forces(const TrajectorySet& set) const {
     const double damping = (*this)[Unknown::damping].value_or(0);
     return {Gravity{gravity(set)}, Damping{damping, damping}};

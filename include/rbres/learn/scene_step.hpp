@@ -9,7 +9,8 @@ struct SceneStep {
   int steps = 1;  ///< in a frame, all equal
   /// What a frame's velocity is: at its time, or the mean since the frame before (position after = position
   /// before + frame time * velocity after), as differences of measured positions are.
-  enum class Velocity { instant, mean } velocity = Velocity::instant;
+  enum class Velocity { instant, mean };
+  Velocity velocity = Velocity::instant;  ///< what it is here
 };
 
 namespace detail {

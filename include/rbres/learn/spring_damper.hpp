@@ -24,6 +24,7 @@ class SpringDamperSimulator {
  public:
   static constexpr double longest_step = 1e-3;  ///< s
 
+  /// Both must outlive it.
   SpringDamperSimulator(const TrajectorySet& set, const Trajectory& scene, const SpringDamper& law)
       : system_(WorldNumbers{}.system(set, scene)),
         gravity_{set.gravity()},

@@ -13,7 +13,9 @@ namespace rbres::RBRES_ABI {
 /// frames there are is known when the program runs. Overlaps are allowed: soft contacts have them.
 class Trajectory {
  public:
+  /// A body of it.
   using BodyType = Body<double>;
+  /// Where one body is.
   using State = RigidState<double>;
 
   /// `states`: frame by frame, in each frame body by body. Throws Error for no bodies, for states that make
@@ -36,8 +38,11 @@ class Trajectory {
     }
   }
 
+  /// How many there are.
   int bodies() const { return static_cast<int>(bodies_.size()); }
+  /// How many there are.
   int frames() const { return static_cast<int>(states_.size() / bodies_.size()); }
+  /// Body i, from 0.
   const BodyType& body(int i) const { return bodies_[static_cast<std::size_t>(i)]; }
   /// Where every body was in frame t.
   std::span<const State> frame(int t) const {
@@ -45,6 +50,7 @@ class Trajectory {
   }
   /// Of all frames, one behind the other.
   const std::vector<State>& states() const { return states_; }
+  /// Where body i was in frame t.
   const State& state(int t, int i) const { return frame(t)[static_cast<std::size_t>(i)]; }
 
  private:
@@ -72,11 +78,16 @@ class TrajectorySet {
 
   double frame_time() const { return frame_time_; }         ///< s
   const Vec3<double>& gravity() const { return gravity_; }  ///< m/s^2, world frame
+  /// Around all scenes.
   const std::vector<Plane<double>>& planes() const { return planes_; }
   int size() const { return static_cast<int>(scenes_.size()); }  ///< scenes
+  /// Scene i, from 0.
   const Trajectory& operator[](int i) const { return scenes_[static_cast<std::size_t>(i)]; }
+  /// For loops over all scenes.
+  /// @{
   auto begin() const { return scenes_.begin(); }
   auto end() const { return scenes_.end(); }
+  /// @}
 
   /// Scenes first, ..., first + count - 1 as a set. Throws Error where the set has fewer.
   TrajectorySet subset(int first, int count) const {

@@ -10,7 +10,9 @@ namespace rbres::RBRES_ABI {
 
 /// A piece of a scene from which a simulation starts and with which it is compared.
 struct Window {
-  int scene, first, frames;  ///< it starts at frame `first` and goes on for `frames` more
+  int scene;   ///< number in the set
+  int first;   ///< frame at which it starts
+  int frames;  ///< for which it goes on
 };
 
 /// Pieces of `frames` frames that follow one another: of each scene the first, then of each the second, and

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <vector>
 
+/// @file
 /// Where a step of training has its gradient from. Both kinds have
 ///
 ///     run(network, objective, items, mask, team)   the mean over the items, and all that gradients need

@@ -7,6 +7,7 @@
 #include <type_traits>
 #include <utility>
 
+/// @file
 /// The one matrix kernel. Every matrix stands in panels of 64 bytes: number (r, c) of a matrix with C columns
 /// is number (r / lanes * C + c) * lanes + r % lanes, with zeros up to the next multiple of `lanes` rows.
 /// Weights have outputs as rows and inputs as columns; activations have features as rows and samples as

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+/// @file
 /// What a LayerNorm needs, sample by sample. Weights and biases stand one after the other, each filled up
 /// with zeros to whole panels.
 namespace rbres::RBRES_ABI::detail {

@@ -7,6 +7,7 @@
 
 namespace rbres::RBRES_ABI {
 
+/// @file
 /// Layers are types without state: a network's numbers stand in its one parameter block (see Network).
 /// An elementwise layer gives value(x) and slope(x), its derivative; T is a number, a number that
 /// differentiates (Eigen's AutoDiffScalar), or a register of numbers.

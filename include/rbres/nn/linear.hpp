@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 
+/// @file
 /// The products that a Linear layer needs, with what goes before and after them done while numbers are in
 /// registers.
 namespace rbres::RBRES_ABI::detail {

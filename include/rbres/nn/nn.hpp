@@ -1,5 +1,6 @@
 #pragma once
 
+/// @file
 /// Networks as types: layers, forward passes, derivatives, training. Knows no physics: it maps columns to
 /// columns.
 ///

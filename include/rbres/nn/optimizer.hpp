@@ -12,6 +12,7 @@
 
 namespace rbres::RBRES_ABI {
 
+/// @file
 /// An optimiser is a struct of its hyper-parameters; what it remembers between steps stands in `moment_count`
 /// blocks of the layout of the parameters, and starts as zeros. rule<T>(rate, step) gives the update of one
 /// step, counted from 1: new w = rule(w, g, moments, is_weight), register by register. check() throws Error

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+/// @file
 /// What a Sequential means, worked out at compile time: a list of stages, each of them one pass over the
 /// data.
 namespace rbres::RBRES_ABI::detail {
