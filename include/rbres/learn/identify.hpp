@@ -78,7 +78,9 @@ inline FitNumber fit_number(Unknown unknown, const TrajectorySet& set) {
 /// states stay closest to what was measured, by a robust least squares (see RobustFit) with its uncertainty.
 /// Only ratios of masses and inertia move bodies: of unknowns that only appear in such a ratio the data do
 /// not say each. Throws Error for options that make no sense and for a set with fewer windows than unknowns.
-inline Identification identify(const TrajectorySet& set, const IdentifyOptions& options = {}) {
+/// A template, so that only programs that call it compile its linear algebra.
+template <class = void>
+Identification identify(const TrajectorySet& set, const IdentifyOptions& options = {}) {
   options.check();
   std::vector<FitNumber> numbers;
   for (const Unknown u : options.unknowns) numbers.push_back(fit_number(u, set));

@@ -110,9 +110,11 @@ class SpringDamperSimulator {
 };
 
 /// Fits stiffness, damping and friction to a set, over windows of so many frames, as identify fits its
-/// numbers. The stiffest spring is one that the steps still follow.
-inline SpringDamper fit_spring_damper(const TrajectorySet& set, int window, long most_states,
-                                      const FitOptions& options = {}) {
+/// numbers. The stiffest spring is one that the steps still follow. A template, so that only programs that
+/// call it compile its linear algebra.
+template <class = void>
+SpringDamper fit_spring_damper(const TrajectorySet& set, int window, long most_states,
+                               const FitOptions& options = {}) {
   const auto law = [](const Eigen::VectorXd& x) {
     return SpringDamper{std::exp(x(0)), std::exp(x(1)), x(2)};
   };
