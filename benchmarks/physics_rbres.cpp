@@ -2,6 +2,7 @@
 /// bodies.
 #include <chrono>
 #include <ctime>
+#include <rbres/paper/paper.hpp>
 #include <rbres/rbres.hpp>
 
 #include "physics_rows.hpp"

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <exception>
 #include <rbres/io.hpp>
+#include <rbres/paper/paper.hpp>
 #include <rbres/rbres.hpp>
 
 #include "common/count_allocations.hpp"
@@ -30,7 +31,7 @@ BallPredictor trained() {
   std::printf("training ...\n");
   const ScenarioData data = generate(ScenarioSampler<balls>(World::room, 1), 0, 6'000, {0.1});
   BallPredictor predictor{Net(1), {}, {}, free_flow<balls>(), Target::residual};
-  const TrainingSet<BallPredictor> set(predictor, data, 0, 600, data.count());
+  const TrainingSet<BallPredictor> set(predictor, ScenarioTransitions(data, 0), 600, data.count());
   Trainer trainer(predictor.network, set.samples(600, data.count() - 600), set.samples(0, 600),
                   {.epochs = 10});
   trainer.train();
@@ -74,7 +75,7 @@ Vec3<double> best_push(const Predict& predict, const State& state, BallPredictor
 template <class Decide>
 long steer(const char* how, double period, const Decide& decide) {
   const Scenario start = ScenarioSampler<balls>(World::room, 2)(0);
-  const Simulated<balls> world{World::room, {.step = 5e-3, .duration = period}};
+  const SimulatedScenario<balls> world{World::room, {.step = 5e-3, .duration = period}};
   State state = start.state;
   BallPredictor::Wrenches wrench = start.wrench;
   const int steps = static_cast<int>(std::lround(20 / period));

@@ -176,8 +176,8 @@ class Rollout {
   }
 
   Metrics error(long step, const State& state) const {
-    const auto body = scenario_body<Set>();
-    return measure(data_, index(step * stride_ - 1), 0, state.vector(), body.inertia(), body.mass());
+    return measure(ScenarioTransitions(data_, index(step * stride_ - 1)), 0, state.vector(),
+                   scenario_system<Set, 5>(predictor_.world));
   }
 
   GltfScene motions() const {

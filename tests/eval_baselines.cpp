@@ -1,6 +1,8 @@
 #include "../examples/scenarios/compiled.hpp"
 
 #include <doctest/doctest.h>
+#include <rbres/eval/metrics.hpp>
+#include <rbres/sim/transitions.hpp>
 
 using namespace rbres;
 
@@ -46,7 +48,8 @@ TEST_CASE("without contacts, flow and simulation of either kind agree") {
     for (const int present : {3, 4, 5}) {
       const State flown = ContactFree{free_flow<Set>(), 0.4}(y, w, present);
       for (const ContactMode mode : {ContactMode::discrete, ContactMode::continuous}) {
-        const Simulated<Set> simulated{World::free_space, {.step = 0.02, .duration = 0.4, .contacts = mode}};
+        const SimulatedScenario<Set> simulated{World::free_space,
+                                               {.step = 0.02, .duration = 0.4, .contacts = mode}};
         CHECK(distance(simulated(y, w, present), flown) < 1e-12);
       }
       for (int b = present; b < 5; ++b) CHECK(flown[b] == y[b]);
@@ -60,18 +63,41 @@ TEST_CASE("without contacts, flow and simulation of either kind agree") {
 TEST_CASE("simulations meet the room's walls, the flow does not") {
   State y = apart();
   for (int b = 0; b < 3; ++b) y[b].position = {1.0 * b - 1, 0, 0.4}, y[b].velocity = {0, 0, -3};
-  const Simulated<BodySet::standard> room{World::room, {.step = 1e-3, .duration = 0.2}};
-  const Simulated<BodySet::standard> nowhere{World::free_space, {.step = 1e-3, .duration = 0.2}};
+  const SimulatedScenario<BodySet::standard> room{World::room, {.step = 1e-3, .duration = 0.2}};
+  const SimulatedScenario<BodySet::standard> nowhere{World::free_space, {.step = 1e-3, .duration = 0.2}};
   CHECK(room(y, Wrenches{}, 3)[0].velocity.z > 0);
   CHECK(nowhere(y, Wrenches{}, 3)[0].velocity.z < -3);
+}
+
+TEST_CASE("a simulation of one's own world leads where its transitions do") {
+  const Material<double> rubber{0.5, 0.4};
+  const System<double, 2, Box<double>> world{
+      {Body{Box{0.1, 0.2, 0.3}, 2.0, rubber}, Body{Box{0.2, 0.2, 0.1}, 1.0, rubber}}, {floor_plane(rubber)}};
+  const SimulationOptions options{.step = 2e-3, .duration = 0.3};
+  const auto start = [](std::ptrdiff_t i) {
+    Start<2> s;
+    s.state[0].position = {0, 0, 0.5};
+    s.state[1].position = {0.1, 0, 1 + 0.1 * static_cast<double>(i)};
+    s.wrench[0].force.x = 3;
+    return s;
+  };
+  const auto transitions = simulate_transitions(world, Gravity{}, Rk4{}, 5, start, options);
+  const Eigen::MatrixXd ends = predict_all(transitions, 0, 5, Simulated{world, Gravity{}, options});
+  for (Eigen::Index c = 0; c < 5; ++c)
+    CHECK((ends.col(c) - transitions.end(c).vector()).cwiseAbs().maxCoeff() < 1e-9);
+  CHECK(transitions.had_impact(0));
+  CHECK(measure(transitions, 0, ends, world).position < 1e-18);
+  const Eigen::MatrixXd flown =
+      predict_all(transitions, 0, 5, ContactFree{FreeFlow<2>{world, Gravity{}, {.density = 0}}, 0.3});
+  CHECK(measure(transitions, 0, flown, world).position > 1e-4);
 }
 
 TEST_CASE("a rollout of a simulation is one run on, through contacts") {
   State y = apart();
   for (int b = 0; b < 3; ++b) y[b].position = {1.0 * b - 1, 0, 0.4}, y[b].velocity = {0, 0, -3};
-  const Simulated<BodySet::standard> once{World::room,
-                                          {.step = 0.02, .duration = 1.5, .contacts = ContactMode::discrete}};
-  Simulated<BodySet::standard> pieces = once;
+  const SimulatedScenario<BodySet::standard> once{
+      World::room, {.step = 0.02, .duration = 1.5, .contacts = ContactMode::discrete}};
+  SimulatedScenario<BodySet::standard> pieces = once;
   pieces.options.duration = 0.1;
   std::array<State, 15> states;
   pieces.rollout(y, Wrenches{}, states, 3);
@@ -83,8 +109,9 @@ TEST_CASE("a rollout of a simulation is one run on, through contacts") {
 TEST_CASE("all predictions are those one by one, and the data count impacts by horizon") {
   const ScenarioSampler<BodySet::standard> sampler(World::room, 3);
   const ScenarioData data = generate(sampler, 0, 40, {0.2, 1});
+  const ScenarioTransitions transitions(data, 0);
   const ContactFree predict{free_flow<BodySet::standard>(), 0.2};
-  const Eigen::MatrixXd all = predict_all(data, 5, 35, predict);
+  const Eigen::MatrixXd all = predict_all(transitions, 5, 35, predict);
   REQUIRE(all.cols() == 35);
   for (Eigen::Index c = 0; c < 35; ++c) {
     const int present = data.body_count[static_cast<std::size_t>(c + 5)];
@@ -105,7 +132,8 @@ TEST_CASE("all predictions are those one by one, and the data count impacts by h
   CHECK(several > 0);
 
   int calls = 0;
-  const TimedCall timed = one_by_one(data, 7, [&](const State& y, const auto&, int) { return ++calls, y; });
+  const TimedCall timed =
+      one_by_one(transitions, 7, [&](const State& y, const auto&, int) { return ++calls, y; });
   timed.run();
   CHECK(calls == 7);
   CHECK(timed.scenarios == 7);

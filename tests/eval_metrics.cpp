@@ -1,15 +1,15 @@
 #include <doctest/doctest.h>
 
+#include <rbres/eval/baselines.hpp>
 #include <rbres/eval/metrics.hpp>
-#include <rbres/eval/timing.hpp>
-#include <rbres/sim/dataset.hpp>
+#include <rbres/paper/scenario_transitions.hpp>
 
 using namespace rbres;
 
 namespace {
 
-const Vec3<double> moments{0.1, 0.2, 0.3};
 constexpr double mass = 2;
+const auto bodies = System<double, 5, Sphere<double>>::of({Sphere{0.3}, mass, Vec3<double>{0.1, 0.2, 0.3}});
 
 /// Scenarios of three bodies, all at rest at (1, 2, 2) and upright, none of which had a contact.
 ScenarioData at_rest(Eigen::Index n) {
@@ -29,7 +29,7 @@ ScenarioData at_rest(Eigen::Index n) {
 
 Metrics compare(const ScenarioData& data, const Eigen::MatrixXd& predicted, std::size_t h = 0,
                 Eigen::Index first = 0) {
-  return measure(data, h, first, predicted, moments, mass);
+  return measure(ScenarioTransitions(data, h), first, predicted, bodies);
 }
 
 Eigen::MatrixXd truth(const ScenarioData& data) { return data.states[0].cast<double>(); }
@@ -54,7 +54,7 @@ TEST_CASE("truth that is no state is refused, and predictions that are not finit
                                    {6, 0.0f}}) {
     ScenarioData data = good;
     data.states[0](row, 1) = wrong;
-    const std::string name = row < 13 ? "truth of scenario 1, body 0: " : "truth of scenario 1, body 1: ";
+    const std::string name = row < 13 ? "truth of transition 1, body 0: " : "truth of transition 1, body 1: ";
     CHECK_THROWS_WITH_AS(compare(data, truth(good)),
                          doctest::Contains((name + "expected finite numbers and an orientation").c_str()),
                          Error);
@@ -65,7 +65,8 @@ TEST_CASE("truth that is no state is refused, and predictions that are not finit
   CHECK(std::isnan(m.position));
   CHECK(std::isnan(m.relative_median[0]));
   CHECK(m.velocity == 0);
-  CHECK(std::isnan(position_quartiles(good, 0, 0, guess, [](std::size_t) { return true; }).median));
+  CHECK(std::isnan(
+      position_quartiles(ScenarioTransitions(good, 0), 0, guess, [](std::size_t) { return true; }).median));
 }
 
 TEST_CASE("mean squares are per component and over present bodies") {
@@ -158,15 +159,18 @@ TEST_CASE("quartiles are between neighbours, over those chosen") {
   const ScenarioData data = at_rest(6);
   Eigen::MatrixXd guess = truth(data);
   for (int c = 0; c < 6; ++c) guess(1, c) += 3 * std::sqrt(c);  // error per scenario: 9 c / 3 / 3 = c
-  const Quartiles five = position_quartiles(data, 0, 0, guess, [](std::size_t s) { return s < 5; });
+  const Quartiles five =
+      position_quartiles(ScenarioTransitions(data, 0), 0, guess, [](std::size_t s) { return s < 5; });
   CHECK(five.count == 5);
   CHECK(five.low == doctest::Approx(1));
   CHECK(five.median == doctest::Approx(2));
   CHECK(five.high == doctest::Approx(3));
-  const Quartiles all = position_quartiles(data, 0, 0, guess, [](std::size_t) { return true; });
+  const Quartiles all =
+      position_quartiles(ScenarioTransitions(data, 0), 0, guess, [](std::size_t) { return true; });
   CHECK(all.low == doctest::Approx(1.25));
   CHECK(all.median == doctest::Approx(2.5));
-  CHECK(position_quartiles(data, 0, 0, guess, [](std::size_t) { return false; }).count == 0);
+  CHECK(position_quartiles(ScenarioTransitions(data, 0), 0, guess, [](std::size_t) { return false; }).count ==
+        0);
 }
 
 TEST_CASE("methods are timed in turns") {
@@ -182,4 +186,32 @@ TEST_CASE("methods are timed in turns") {
     CHECK(s.low <= s.median);
     CHECK(s.median <= s.high);
   }
+}
+
+TEST_CASE("transitions of one's own world are measured with its masses and gravity") {
+  const Vec3<double> gravity{0, 0.5, -1.62};
+  const System<double, 3> world{
+      {Body{Sphere{0.1}, 1.0}, Body{Box{0.1, 0.2, 0.3}, 3.0}, Body<double>::kinematic(Box{1.0, 1.0, 0.1})}};
+  Transitions<3> data{0.1, std::vector<Start<3>>(4), std::vector<SystemState<double, 3>>(4)};
+  for (auto& end : data.ends)
+    for (int b = 0; b < 3; ++b) end[b].position = {0, 2, 1.0 + b};
+  Eigen::MatrixXd guess = predict_all(data, 0, 4, ConstantVelocity{0.1});
+  CHECK(guess.rows() == 39);
+  CHECK(guess.col(1) == data.starts[1].state.vector());
+  for (Eigen::Index c = 0; c < 4; ++c) guess.col(c) = data.ends[static_cast<std::size_t>(c)].vector();
+  guess(13 + 2, 3) += 0.5;  // the box
+  guess(26 + 7, 2) = 100;   // a kinematic body has no energy
+  const double energy = 4 * (std::abs(-1.0 + 1.62) + 3 * std::abs(-1.0 + 2 * 1.62));
+  CHECK(measure(data, 0, guess, world, gravity).energy == doctest::Approx(3 * 1.62 * 0.5 / energy));
+  CHECK(measure(data, 0, guess, world, gravity).position == doctest::Approx(0.25 / 3 / 12));
+  CHECK(measure(data, 0, guess, world, gravity).collided == 0);
+  data.collided = {0, 0, 0, 1};
+  CHECK(measure(data, 0, guess, world, gravity).collided == 3);
+  CHECK(position_quartiles(data, 0, guess, [](std::size_t c) { return c == 3; }).median ==
+        doctest::Approx(0.25 / 3 / 3));
+
+  CHECK_THROWS_WITH_AS(measure(data, 1, guess, world),
+                       "predictions: expected those of transitions 0 to 3, found 1 to 4", Error);
+  CHECK_THROWS_WITH_AS(measure(data, 0, guess.topRows(26).eval(), world),
+                       "rows of predictions: expected 13 for each of 3 bodies, found 26", Error);
 }

@@ -10,8 +10,8 @@
 #include "io_checkpoint_run.hpp"
 #include "io_support.hpp"
 
-#include <rbres/io/dataset.hpp>
 #include <rbres/io/predictor.hpp>
+#include <rbres/io/scenario_data.hpp>
 
 using namespace rbres;
 

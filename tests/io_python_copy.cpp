@@ -8,6 +8,7 @@
 #include <string>
 
 #include <rbres/io.hpp>
+#include <rbres/io/scenario_data.hpp>
 
 #include "io_export_models.hpp"
 

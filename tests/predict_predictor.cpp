@@ -1,6 +1,7 @@
 #include <doctest/doctest.h>
 
 #include <rbres/eval/train_predictor.hpp>
+#include <rbres/paper/paper.hpp>
 
 #include "../examples/common/count_allocations.hpp"
 #include "predict_states.hpp"
@@ -189,7 +190,7 @@ TEST_CASE("the normalisation comes from the training columns alone") {
   const Eigen::Index n = 30, first_train = 6;
   ScenarioData data = made_up(n);
   Small p = predictor(Target::state);
-  const TrainingSet<Small> set(p, data, 1, first_train, n);
+  const TrainingSet<Small> set(p, ScenarioTransitions(data, 1), first_train, n);
   CHECK(p.horizon == 0.3);
   const Small fitted = p;
 
@@ -206,20 +207,20 @@ TEST_CASE("the normalisation comes from the training columns alone") {
 
   for (auto* columns : {&data.initial, &data.wrench, &data.states[1]})
     columns->leftCols(first_train) = 3 * columns->leftCols(first_train).array() + 1;
-  const TrainingSet<Small> other_tests(p, data, 1, first_train, n);
+  const TrainingSet<Small> other_tests(p, ScenarioTransitions(data, 1), first_train, n);
   CHECK(p.input.mean == fitted.input.mean);
   CHECK(p.input.deviation == fitted.input.deviation);
   CHECK(p.output.mean == fitted.output.mean);
   CHECK(p.output.deviation == fitted.output.deviation);
   data.states[1].col(first_train)[0] += 1;
-  const TrainingSet<Small> other_training(p, data, 1, first_train, n);
+  const TrainingSet<Small> other_training(p, ScenarioTransitions(data, 1), first_train, n);
   CHECK_FALSE(p.output.mean == fitted.output.mean);
 }
 
 TEST_CASE("samples are encoded, normalised, and without weight where a body is absent") {
   const ScenarioData data = made_up(12);
   Small p = predictor(Target::residual);
-  const TrainingSet<Small> set(p, data, 0, 4, 12);
+  const TrainingSet<Small> set(p, ScenarioTransitions(data, 0), 4, 12);
   const auto samples = set.samples(0, 12);
   for (Eigen::Index c = 0; c < 12; ++c) {
     const int present = data.body_count[static_cast<std::size_t>(c)];
@@ -234,15 +235,15 @@ TEST_CASE("samples are encoded, normalised, and without weight where a body is a
     CHECK(samples.weights.col(c).sum() == 13 * present);
     CHECK(samples.weights.col(c).head(13 * present).isOnes(0));
   }
-  CHECK_THROWS_AS((TrainingSet<Small>(p, data, 2, 4, 12)), Error);
-  CHECK_THROWS_AS((TrainingSet<Small>(p, data, 0, 12, 12)), Error);
-  CHECK_THROWS_AS((TrainingSet<Small>(p, data, 0, 4, 13)), Error);
+  CHECK_THROWS_AS(ScenarioTransitions(data, 2), Error);
+  CHECK_THROWS_AS((TrainingSet<Small>(p, ScenarioTransitions(data, 0), 12, 12)), Error);
+  CHECK_THROWS_AS((TrainingSet<Small>(p, ScenarioTransitions(data, 0), 4, 13)), Error);
   for (const float bad : {std::nanf(""), 1e30f}) {
     ScenarioData broken = data;
     broken.states[0](3, 1) = bad;  // of a scenario that only tests
-    CHECK_THROWS_WITH_AS((TrainingSet<Small>(p, broken, 0, 4, 12)),
-                         doctest::Contains("scenario 1: state: number 3: expected a finite one"), Error);
-    TrainingSet<Small>(p, broken, 1, 4, 12);
+    CHECK_THROWS_WITH_AS((TrainingSet<Small>(p, ScenarioTransitions(broken, 0), 4, 12)),
+                         doctest::Contains("transition 1: state: number 3: expected a finite one"), Error);
+    TrainingSet<Small>(p, ScenarioTransitions(broken, 1), 4, 12);
   }
 }
 

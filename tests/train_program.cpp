@@ -32,21 +32,19 @@ TEST_CASE("a small run: the model is saved, works elsewhere, and is as good as t
   CHECK(predictor.horizon == 0.1);
   CHECK(predictor.target == Target::state);
   const ScenarioData tests = generate(ScenarioSampler<BodySet::standard>(World::room, 1), 0, 40, {0.1});
-  const auto body = scenario_body<BodySet::standard>();
+  const ScenarioTransitions transitions(tests, 0);
+  const auto system = scenario_system<BodySet::standard, 5>(World::room);
   const auto error = [&](const auto& predict) {
-    return measure(tests, 0, 0, predict_all(tests, 0, 40, predict), body.inertia(), body.mass()).position;
+    return measure(transitions, 0, predict_all(transitions, 0, 40, predict), system).position;
   };
   const auto json = nlohmann::json::parse(read_bytes(folder / "a.json"));
-  const double position =
-      error([&](const auto& y, const auto& w, int present) { return predictor.predict(y, w, present); });
+  const double position = error(predictor);
   CHECK(json["model"]["position"].get<double>() == doctest::Approx(position));
   CHECK(json["contact-free flow"]["position"].get<double>() ==
         doctest::Approx(error(ContactFree{free_flow<BodySet::standard>(), 0.1})));
   auto untrained = predictor;
   untrained.network = Shallow(1);
-  CHECK(position < 0.5 * error([&](const auto& y, const auto& w, int present) {
-                     return untrained.predict(y, w, present);
-                   }));
+  CHECK(position < 0.5 * error(untrained));
   CHECK(run(folder, RBRES_ROLLOUT, "--model model.safetensors --seconds 0.2").status == 0);
 
   const Outcome loop = run(folder, RBRES_CONTROL_LOOP, "model.safetensors");

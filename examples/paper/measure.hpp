@@ -55,14 +55,15 @@ struct Bench {
   /// All accuracy figures of one method at horizon h.
   template <class Predict>
   Json method(std::size_t h, const Predict& predict) const {
-    return accuracy(h, predict_all(data, 0, tests, predict));
+    return accuracy(h, predict_all(ScenarioTransitions(data, h), 0, tests, predict));
   }
 
   Json accuracy(std::size_t h, const Eigen::MatrixXd& predicted) const {
-    const auto body = scenario_body<Set>();
-    Json found = to_json(rbres::measure(data, h, 0, predicted, body.inertia(), body.mass()));
+    const ScenarioTransitions transitions(data, h);
+    Json found = to_json(rbres::measure(transitions, 0, predicted, scenario_system<Set, 5>(world)));
     const auto quartiles = [&](const auto& chosen) {
-      const Quartiles q = position_quartiles(data, h, 0, predicted, chosen);  // of none: NaN, which is null
+      const Quartiles q =
+          position_quartiles(transitions, 0, predicted, chosen);  // of none: NaN, which is null
       return Json{{"low", q.low}, {"median", q.median}, {"high", q.high}, {"count", q.count}};
     };
     found["all_scenarios"] = quartiles([](std::size_t) { return true; });
@@ -93,10 +94,10 @@ struct Bench {
   /// Some velocity components, predicted and actual, of bodies in scenarios that had a contact.
   Json velocity_pairs(std::size_t h, const Eigen::MatrixXd& predicted) const {
     Json actual = Json::array(), guess = Json::array();
+    const ScenarioTransitions transitions(data, h);
     for (Eigen::Index c = 0; c < predicted.cols() && actual.size() < 2000; ++c) {
-      const auto scenario = static_cast<std::size_t>(c);
-      if (!(static_cast<double>(data.first_contact[scenario]) <= data.horizons[h] + 1e-6)) continue;
-      for (int b = 0; b < data.body_count[scenario]; ++b) {
+      if (!transitions.had_impact(c)) continue;
+      for (int b = 0; b < transitions.present(c); ++b) {
         for (int i = 13 * b + 7; i < 13 * b + 10; ++i) {
           actual.push_back(data.states[h](i, c));
           guess.push_back(static_cast<float>(predicted(i, c)));
@@ -113,7 +114,7 @@ struct Bench {
     each("constant velocity", ConstantVelocity{plan.horizons[h]});
     for (const int ms : rk4_steps) {
       each(rk4_name(ms),
-           Simulated<Set>{
+           SimulatedScenario<Set>{
                world, {.step = ms * 1e-3, .duration = plan.horizons[h], .contacts = ContactMode::discrete}});
     }
   }

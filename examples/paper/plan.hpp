@@ -1,6 +1,7 @@
 // What the experiment trains and on how much: the plan, and the names of its parts.
 #pragma once
 
+#include <rbres/paper/paper.hpp>
 #include <rbres/rbres.hpp>
 #include <sstream>
 #include <string>

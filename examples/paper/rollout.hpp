@@ -31,19 +31,19 @@ Json roll_out(const Bench<Set>& bench) {
               plan.rollouts, plan.rollout_seconds, step);
   const ScenarioData truth = generate(bench.sampler(), 0, plan.rollouts, times);
   Json found{{"time", times}};
-  const auto body = scenario_body<Set>();
+  const auto system = scenario_system<Set, 5>(bench.world);
+  const ScenarioTransitions starts(truth, 0);
   const auto follow = [&](const std::string& method, const auto& rollout) {
     std::vector<std::vector<SystemState<double, 5>>> all(static_cast<std::size_t>(plan.rollouts));
     parallel_for(plan.rollouts, 0, [&](std::ptrdiff_t c) {
       auto& states = all[static_cast<std::size_t>(c)];
       states.resize(times.size());
-      const int present = truth.body_count[static_cast<std::size_t>(c)];
-      rollout(state_of(truth.initial, c, present), wrench_of(truth, c), states, present);
+      rollout(starts.start(c), starts.wrench(c), states, starts.present(c));
     });
     Eigen::MatrixXd at(65, plan.rollouts);
     for (std::size_t k = 0; k < times.size(); ++k) {
       for (Eigen::Index c = 0; c < at.cols(); ++c) at.col(c) = all[static_cast<std::size_t>(c)][k].vector();
-      const Metrics m = rbres::measure(truth, k, 0, at, body.inertia(), body.mass());
+      const Metrics m = rbres::measure(ScenarioTransitions(truth, k), 0, at, system);
       found[method]["position"].push_back(m.position);
       found[method]["velocity"].push_back(m.velocity);
     }
@@ -56,8 +56,8 @@ Json roll_out(const Bench<Set>& bench) {
     for (auto& next : states) next = y = flow(y, wrench, present);
   });
   for (const int ms : Bench<Set>::rk4_steps) {
-    const Simulated<Set> simulated{bench.world,
-                                   {.step = ms * 1e-3, .duration = step, .contacts = ContactMode::discrete}};
+    const SimulatedScenario<Set> simulated{
+        bench.world, {.step = ms * 1e-3, .duration = step, .contacts = ContactMode::discrete}};
     follow(Bench<Set>::rk4_name(ms), [&](const auto& y, const auto& wrench, auto& states, int present) {
       simulated.rollout(y, wrench, states, present);
     });

@@ -9,7 +9,7 @@ namespace paper {
 
 /// Predicts for `count` scenarios, those of the data over and over, as one batch through the network.
 template <class P>
-TimedCall as_batch(const ScenarioData& data, std::shared_ptr<const P> predictor, Eigen::Index count) {
+TimedCall as_batch(const ScenarioTransitions& data, std::shared_ptr<const P> predictor, Eigen::Index count) {
   using Columns = typename P::Network::Columns;
   struct Scratch {
     Columns inputs, outputs;
@@ -22,8 +22,7 @@ TimedCall as_batch(const ScenarioData& data, std::shared_ptr<const P> predictor,
     const auto each = [&](const auto& act) {
       for (Eigen::Index c = 0; c < count; ++c) {
         const Eigen::Index from = c % data.count();
-        const int present = data.body_count[static_cast<std::size_t>(from)];
-        act(c, state_of(data.initial, from, present), wrench_of(data, from), present);
+        act(c, data.start(from), data.wrench(from), data.present(from));
       }
     };
     each([&](Eigen::Index c, const auto& state, const auto& wrench, int present) {
@@ -47,6 +46,7 @@ template <BodySet Set>
 Json time_methods(const Bench<Set>& bench) {
   const Plan& plan = bench.plan;
   const ScenarioData data = generate(bench.sampler(), 0, plan.timed_scenarios, {plan.horizons.front()});
+  const ScenarioTransitions transitions(data, 0);
   std::vector<Scenario> scenarios;
   for (int i = 0; i < plan.timed_scenarios; ++i)
     scenarios.push_back(bench.sampler()(static_cast<std::uint64_t>(i)));
@@ -59,8 +59,8 @@ Json time_methods(const Bench<Set>& bench) {
     std::vector<TimedCall> calls;
     bench.baselines_at(h, [&](const std::string& method, const auto& predict) {
       names.emplace_back(method, "us");
-      calls.push_back(one_by_one(data, data.count(), predict));
-      if constexpr (std::is_same_v<decltype(predict), const Simulated<Set>&>) {
+      calls.push_back(one_by_one(transitions, data.count(), predict));
+      if constexpr (std::is_same_v<decltype(predict), const SimulatedScenario<Set>&>) {
         SimulationOptions options = predict.options;
         options.sample_rate = 1 / options.duration;  // only the end is looked at
         names.emplace_back(method, "batch_us");
@@ -78,12 +78,12 @@ Json time_methods(const Bench<Set>& bench) {
         using P = PredictorOf<a()>;
         const auto predictor = std::make_shared<const P>(load<P>(bench.store.model(name(unit, plan))));
         names.emplace_back(method_of(unit), "us");
-        calls.push_back(
-            one_by_one(data, data.count(), [predictor](const auto& state, const auto& wrench, int present) {
-              return predictor->predict(state, wrench, present);
-            }));
+        calls.push_back(one_by_one(transitions, data.count(),
+                                   [predictor](const auto& state, const auto& wrench, int present) {
+                                     return predictor->predict(state, wrench, present);
+                                   }));
         names.emplace_back(method_of(unit), "batch_us");
-        calls.push_back(as_batch(data, predictor, 256));
+        calls.push_back(as_batch(transitions, predictor, 256));
       });
     }
     const std::vector<Spread> spreads = time_side_by_side(calls, plan.timing_rounds);

@@ -39,7 +39,8 @@ Json train_unit(const Unit& unit, const Bench<Set>& bench) {
   const std::string part = name(unit, bench.plan);
   PredictorOf<A> predictor{typename NetworkOf<A>::type(unit.seed), {}, {}, free_flow<Set>(), unit.target};
   const Eigen::Index n = unit.protocol.scenarios, tenth = n / 10;
-  const TrainingSet<PredictorOf<A>> set(predictor, bench.data, unit.horizon, 2 * tenth, n);
+  const TrainingSet<PredictorOf<A>> set(predictor, ScenarioTransitions(bench.data, unit.horizon), 2 * tenth,
+                                        n);
   Trainer trainer(predictor.network, set.samples(2 * tenth, n - 2 * tenth), set.samples(tenth, tenth),
                   {.epochs = unit.protocol.epochs, .seed = unit.seed});
   const auto checkpoint = bench.store.beside(part, ".checkpoint");
@@ -75,9 +76,7 @@ Json train_unit(const Unit& unit, const Bench<Set>& bench) {
         {"set", std::string(rbres::name(Set))},
         {"scenarios", std::string(scenario_version)}});
   const Eigen::MatrixXd predicted =
-      predict_all(bench.data, 0, bench.tests, [&](const auto& state, const auto& wrench, int present) {
-        return predictor.predict(state, wrench, present);
-      });
+      predict_all(ScenarioTransitions(bench.data, unit.horizon), 0, bench.tests, predictor);
   Json found = bench.accuracy(unit.horizon, predicted);
   if (unit.horizon == bench.plan.figure_horizon)
     found["velocity_pairs"] = bench.velocity_pairs(unit.horizon, predicted);

@@ -1,7 +1,7 @@
 // The simulations of the paper's scenarios, which rbres_scenarios compiles once for programs and tests.
 #pragma once
 
-#include <rbres/eval/baselines.hpp>
+#include <rbres/paper/paper.hpp>
 
 namespace paper {
 
@@ -39,9 +39,9 @@ namespace rbres {
 
 extern template void detail::generate_piece(const ScenarioSampler<BodySet::standard>&, std::uint64_t,
                                             Eigen::Index, Eigen::Index, const TruthOptions&, ScenarioData&);
-extern template struct Simulated<BodySet::standard>;
+extern template struct SimulatedScenario<BodySet::standard>;
 extern template void detail::generate_piece(const ScenarioSampler<BodySet::box>&, std::uint64_t, Eigen::Index,
                                             Eigen::Index, const TruthOptions&, ScenarioData&);
-extern template struct Simulated<BodySet::box>;
+extern template struct SimulatedScenario<BodySet::box>;
 
 }  // namespace rbres

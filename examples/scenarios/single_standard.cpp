@@ -1,3 +1,3 @@
 #include "compiled.hpp"
 
-template struct rbres::Simulated<rbres::BodySet::standard>;
+template struct rbres::SimulatedScenario<rbres::BodySet::standard>;

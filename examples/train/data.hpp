@@ -1,6 +1,8 @@
 // The scenarios of a run: simulated now, or of a folder.
 #pragma once
 
+#include <rbres/io/scenario_data.hpp>
+
 #include "options.hpp"
 
 namespace train {

@@ -28,7 +28,8 @@ template <Architecture A, BodySet Set>
 void train(const Options& o, PredictorOf<A> predictor, const ScenarioData& data, Outputs& files) {
   // Scenarios 0 ... tenth - 1 are the test set, those up to 2 tenth validate.
   const Eigen::Index n = data.count(), tenth = n / 10;
-  const TrainingSet<PredictorOf<A>> set(predictor, data, 0, 2 * tenth, n, o.training.threads,
+  const TrainingSet<PredictorOf<A>> set(predictor, ScenarioTransitions(data, 0), 2 * tenth, n,
+                                        o.training.threads,
                                         o.start.empty() ? Normalization::fit : Normalization::keep);
   Metadata made_from = metadata(o);
   made_from["data"] = Json{{"scenarios", n},
@@ -45,14 +46,12 @@ void train(const Options& o, PredictorOf<A> predictor, const ScenarioData& data,
   if (trained.progress.best_epoch > 0) save_model(files.model, predictor, metadata(o));
   say_end(trained.progress);
 
-  const auto body = scenario_body<Set>();
   const auto error = [&](const auto& predict) {
-    return measure(data, 0, 0, predict_all(data, 0, tenth, predict, o.training.threads), body.inertia(),
-                   body.mass());
+    const ScenarioTransitions transitions(data, 0);
+    return measure(transitions, 0, predict_all(transitions, 0, tenth, predict, o.training.threads),
+                   scenario_system<Set, 5>(o.world));
   };
-  const Metrics model = error([&](const auto& state, const auto& wrench, int present) {
-    return predictor.predict(state, wrench, present);
-  });
+  const Metrics model = error(predictor);
   const Metrics flow = error(ContactFree{free_flow<Set>(), o.horizon});
   for (const double x :
        {model.position, model.orientation, model.velocity, model.angular_velocity, model.angle, model.energy})

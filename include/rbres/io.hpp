@@ -20,7 +20,6 @@
 #include <rbres/io/contact_law.hpp>
 #include <rbres/io/contact_training.hpp>
 #include <rbres/io/cropped_network.hpp>
-#include <rbres/io/dataset.hpp>
 #include <rbres/io/digest.hpp>
 #include <rbres/io/export_contact_law.hpp>
 #include <rbres/io/export_header.hpp>

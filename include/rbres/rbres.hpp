@@ -1,7 +1,8 @@
 #pragma once
 
 /// @file
-/// Everything but files (those are in <rbres/io.hpp>); needs Eigen alone.
+/// Everything but files (those are in <rbres/io.hpp>) and the paper's experiment (<rbres/paper/paper.hpp>);
+/// needs Eigen alone.
 #include <rbres/body/mechanics.hpp>
 #include <rbres/body/system.hpp>
 #include <rbres/contact/contact_query.hpp>
@@ -25,8 +26,6 @@
 #include <rbres/predict/decoded_loss.hpp>
 #include <rbres/predict/predictor.hpp>
 #include <rbres/sim/batch.hpp>
-#include <rbres/sim/dataset.hpp>
-#include <rbres/sim/scenario.hpp>
 #include <rbres/sim/simulate.hpp>
 #include <rbres/sim/transitions.hpp>
 #include <rbres/version.hpp>

@@ -2,22 +2,25 @@
 
 #include <rbres/core/lie.hpp>
 #include <rbres/eval/timing.hpp>
-#include <rbres/eval/training_set.hpp>
+#include <rbres/predict/free_flow.hpp>
+#include <rbres/sim/simulate.hpp>
 #include <span>
 
 namespace rbres::RBRES_ABI {
 
 /// @file
-/// What a learned predictor is held against. Each is callable as (state, wrench, present) and gives the state
-/// `horizon` seconds later.
+/// What a learned predictor is held against, in any world. Each is callable as (state, wrench, present) and
+/// gives the state `horizon` seconds later; bodies from `present` on are absent.
 
 /// Every body keeps its velocities.
 struct ConstantVelocity {
   double horizon;  ///< s
 
-  /// The state `horizon` after y. Absent bodies stay.
-  SystemState<double, 5> operator()(SystemState<double, 5> y, const std::array<Wrench<double>, 5>&,
-                                    int present) const {
+  /// The state `horizon` after y.
+  template <int N>
+  SystemState<double, N> operator()(SystemState<double, N> y,
+                                    const std::array<Wrench<double>, std::size_t(N)>&,
+                                    int present = N) const {
     for (int b = 0; b < present; ++b) {
       y[b].position += horizon * y[b].velocity;
       y[b].orientation = normalized(y[b].orientation * quaternion_exp(horizon * y[b].angular_velocity));
@@ -27,107 +30,87 @@ struct ConstantVelocity {
 };
 
 /// The flow without contacts.
+template <int N>
 struct ContactFree {
-  /// Of the bodies.
-  FreeFlow<ScenarioData::bodies> flow;
-  double horizon;  ///< s
+  FreeFlow<N> flow;  ///< of the bodies
+  double horizon;    ///< s
 
-  /// The state `horizon` after y. Absent bodies stay.
-  template <class State>
-  State operator()(const State& y, const std::array<Wrench<double>, 5>& wrench, int present) const {
-    State next = flow(y, wrench, horizon);
-    for (int b = present; b < 5; ++b) next[b] = y[b];
+  /// The state `horizon` after y.
+  SystemState<double, N> operator()(const SystemState<double, N>& y,
+                                    const std::array<Wrench<double>, std::size_t(N)>& wrench,
+                                    int present = N) const {
+    SystemState<double, N> next = flow(y, wrench, horizon);
+    for (int b = present; b < N; ++b) next[b] = y[b];
     return next;
   }
 };
+/// @relates ContactFree
+template <int N>
+ContactFree(FreeFlow<N>, double) -> ContactFree<N>;
 
-/// The paper's baseline: RK4 with contacts checked at the end of each step, or the continuous simulation.
-template <BodySet Set>
+/// A simulation of a world whose bodies are all present, under `forces` and the wrenches.
+template <class System, class Model, class Integrator = Rk4>
 struct Simulated {
-  /// What is around the bodies.
-  World world;
+  System system;              ///< the bodies and planes
+  Model forces;               ///< without the wrenches
   SimulationOptions options;  ///< options.duration is the horizon
+  Integrator integrator{};    ///< of the flight between contacts
 
-  /// The state `horizon` after y. Absent bodies stay.
-  SystemState<double, 5> operator()(const SystemState<double, 5>& y,
-                                    const std::array<Wrench<double>, 5>& wrench, int present) const {
-    std::array<SystemState<double, 5>, 1> next;
-    rollout(y, wrench, next, present);
+  /// Of all bodies.
+  using State = typename System::State;
+  /// One for each body.
+  using Wrenches = std::array<Wrench<double>, std::size_t(System::bodies)>;
+
+  /// The state `horizon` after y.
+  State operator()(const State& y, const Wrenches& wrench, int = System::bodies) const {
+    std::array<State, 1> next;
+    rollout(y, wrench, next);
     return next[0];
   }
 
   /// One run on: fills `states` with the states 1, 2, ... horizons later. After a number that is not finite
   /// they stay as they were.
-  void rollout(const SystemState<double, 5>& y, const std::array<Wrench<double>, 5>& wrench,
-               std::span<SystemState<double, 5>> states, int present) const;
-
- private:
-  template <int N>
-  void run(SystemState<double, 5> y, const std::array<Wrench<double>, 5>& wrench,
-           std::span<SystemState<double, 5>> states) const {
-    const auto system = scenario_system<Set, N>(world);
-    SystemState<double, N> part;
-    ConstantWrench<double, N> own;
-    std::copy_n(y.body.begin(), N, part.body.begin());
-    std::copy_n(wrench.begin(), N, own.wrench.begin());
+  void rollout(State y, const Wrenches& wrench, std::span<State> states) const {
     SimulationOptions all = options;
     all.duration = options.duration * static_cast<double>(states.size());
     all.sample_rate = 1 / options.duration;
     std::size_t done = 0;
-    simulate(system, part, scenario_forces<Set>(own), Rk4{}, all, [&](double time, const auto& now) {
-      if (time == 0) return;
-      std::copy_n(now.body.begin(), N, y.body.begin());
-      states[done++] = y;
-    });
-    std::copy_n(part.body.begin(), N, y.body.begin());
+    simulate(system, y, Forces{forces, ConstantWrench<double, System::bodies>{wrench}}, integrator, all,
+             [&](double time, const State& now) {
+               if (time != 0) states[done++] = now;
+             });
     std::ranges::fill(states.subspan(done), y);
   }
 };
+template <class System, class Model>
+Simulated(System, Model, SimulationOptions) -> Simulated<System, Model>;
+template <class System, class Model, class Integrator>
+Simulated(System, Model, SimulationOptions, Integrator) -> Simulated<System, Model, Integrator>;
 
-// Not inline, so that a program may compile it once.
-template <BodySet Set>
-void Simulated<Set>::rollout(const SystemState<double, 5>& y, const std::array<Wrench<double>, 5>& wrench,
-                             std::span<SystemState<double, 5>> states, int present) const {
-  present == 3   ? run<3>(y, wrench, states)
-  : present == 4 ? run<4>(y, wrench, states)
-                 : run<5>(y, wrench, states);
-}
-
-/// The contact-free flow of a set's bodies.
-template <BodySet Set>
-FreeFlow<ScenarioData::bodies> free_flow() {
-  const Body<double> body = scenario_body<Set>();
-  FreeFlow<ScenarioData::bodies> flow{System<double, ScenarioData::bodies>::of(body)};
-  std::tie(flow.gravity, flow.friction, flow.damping) = scenario_forces<Set>().models;
-  return flow;
-}
-
-/// Predictions for scenarios first ... first + count - 1 of the data (65 x count), over `threads` threads (0:
+/// Predictions for transitions first ... first + count - 1 (13 N x count), over `threads` threads (0:
 /// default_threads()).
 template <class Data, class Predict>
-Eigen::MatrixXd predict_all(const Data& data, Eigen::Index first, Eigen::Index count, const Predict& predict,
-                            int threads = 0) {
-  Eigen::MatrixXd out(65, count);
+Eigen::MatrixXd predict_all(const Data& transitions, Eigen::Index first, Eigen::Index count,
+                            const Predict& predict, int threads = 0) {
+  Eigen::MatrixXd out(13 * Data::bodies, count);
   constexpr Eigen::Index block = 32;
   parallel_for((count + block - 1) / block, threads, [&](std::ptrdiff_t b) {
-    for (Eigen::Index c = b * block; c < std::min(count, (b + 1) * block); ++c) {
-      const int present = data.body_count[static_cast<std::size_t>(first + c)];
+    for (Eigen::Index c = b * block; c < std::min(count, (b + 1) * block); ++c)
       out.col(c) =
-          predict(state_of(data.initial, first + c, present), wrench_of(data, first + c), present).vector();
-    }
+          predict(transitions.start(first + c), transitions.wrench(first + c), transitions.present(first + c))
+              .vector();
   });
   return out;
 }
 
-/// Predicts for the first `count` scenarios one by one, on one thread. `data` must outlive the call.
-template <class Predict>
-TimedCall one_by_one(const ScenarioData& data, Eigen::Index count, const Predict& predict) {
-  return {[&data, count, predict] {
+/// Predicts for the first `count` transitions one by one, on one thread. `transitions` must outlive the call.
+template <class Data, class Predict>
+TimedCall one_by_one(const Data& transitions, Eigen::Index count, const Predict& predict) {
+  return {[&transitions, count, predict] {
             double sum = 0;
-            for (Eigen::Index c = 0; c < count; ++c) {
-              const int present = data.body_count[static_cast<std::size_t>(c)];
-              sum += predict(state_of(data.initial, c, present), wrench_of(data, c), present)[0].position.x;
-            }
+            for (Eigen::Index c = 0; c < count; ++c)
+              sum +=
+                  predict(transitions.start(c), transitions.wrench(c), transitions.present(c))[0].position.x;
             volatile double keep = sum;  // or the work might be left out
             static_cast<void>(keep);
           },

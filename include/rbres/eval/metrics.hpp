@@ -11,7 +11,7 @@
 
 namespace rbres::RBRES_ABI {
 
-/// How far predictions are from truth, over the present bodies of some scenarios (the paper's section 4.1).
+/// How far predictions are from truth, over the present bodies of some transitions (the paper's section 4.1).
 struct Metrics {
   // Mean square error per component.
   double position = 0;          ///< m^2
@@ -29,13 +29,13 @@ struct Metrics {
   /// In the order of `relative`.
   double elementwise[4] = {};
   double energy = 0;       ///< ECE: mean |E - E_true| over the mean |E_true|, E kinetic and potential (z = 0)
-  double pearson = 0;      ///< r of predicted and true velocity components, scenarios that had a contact
+  double pearson = 0;      ///< r of predicted and true velocity components, transitions that had an impact
   double within_half = 0;  ///< share of them within 0.5 m/s
   long bodies = 0;         ///< bodies compared
-  long collided = 0;       ///< of them in scenarios that had a contact
+  long collided = 0;       ///< of them in transitions that had an impact
 };
 
-/// Quartiles of the mean square position error per scenario.
+/// Quartiles of the mean square position error per transition.
 struct Quartiles {
   /// Of the errors of all scenarios, m^2.
   /// @{
@@ -71,15 +71,25 @@ inline double degrees_between(const double* p, const double* q) {
   return 4 * std::atan2(std::sqrt(difference), std::sqrt(sum)) * 180 / std::numbers::pi;
 }
 
+template <class Data, class Predicted>
+void check_predictions(const Data& transitions, std::ptrdiff_t first, const Predicted& predicted) {
+  if (predicted.rows() != 13 * Data::bodies)
+    refuse("rows of predictions", text("13 for each of ", Data::bodies, " bodies"), predicted.rows());
+  if (first < 0 || predicted.cols() > static_cast<std::ptrdiff_t>(transitions.count()) - first)
+    refuse("predictions", text("those of transitions 0 to ", transitions.count() - 1),
+           text(first, " to ", first + predicted.cols() - 1));
+}
+
 }  // namespace detail
 
-/// Compares predictions (65 x n, column c for scenario first + c) with truth at horizon h of `data` (a
-/// ScenarioData; a template, so that only those who call it compile it). `moments` are the bodies' principal
-/// moments of inertia (kg m^2), `mass` is theirs (kg). Error where truth is no state; predictions that are
-/// not finite give metrics that are not.
-template <class Data, class Predicted>
-Metrics measure(const Data& data, std::size_t h, std::ptrdiff_t first, const Predicted& predicted,
-                const Vec3<double>& moments, double mass) {
+/// Compares predictions (13 N x n, column c for transition first + c) with the ends of `transitions`:
+/// Transitions of any world, or others with the same members. Energies are those of the system's bodies
+/// (mass, inertia) in its gravity (m/s^2); kinematic bodies have none. Error where truth is no state, and for
+/// predictions of another size; predictions that are not finite give metrics that are not.
+template <class Data, class Predicted, class System>
+Metrics measure(const Data& transitions, std::ptrdiff_t first, const Predicted& predicted,
+                const System& system, const Vec3<double>& gravity = {0, 0, -9.81}) {
+  detail::check_predictions(transitions, first, predicted);
   struct Part {
     int start, size;
     double Metrics::*mean_square;
@@ -88,24 +98,23 @@ Metrics measure(const Data& data, std::size_t h, std::ptrdiff_t first, const Pre
                             {3, 4, &Metrics::orientation},
                             {7, 3, &Metrics::velocity},
                             {10, 3, &Metrics::angular_velocity}};
-  const auto mechanical_energy = [&](const RigidState<double>& y) {
-    return kinetic_energy(mass, moments, y) + 9.81 * mass * y.position.z;
+  const auto mechanical_energy = [&](const auto& body, const RigidState<double>& y) {
+    return kinetic_energy(body, y) - body.mass() * dot(gravity, y.position);
   };
   Metrics m;
   std::vector<double> relative[4];
   double energy_error = 0, energy = 0, sx = 0, sy = 0, sxx = 0, syy = 0, sxy = 0;
   long pairs = 0, within = 0, elements[4] = {};
   for (std::ptrdiff_t c = 0; c < predicted.cols(); ++c) {
-    const auto scenario = static_cast<std::size_t>(first + c);
-    const bool collided = static_cast<double>(data.first_contact[scenario]) <= data.horizons[h] + 1e-6;
-    for (int b = 0; b < data.body_count[scenario]; ++b) {
-      RigidState<double> true_state, guessed_state;
+    const bool collided = transitions.had_impact(first + c);
+    const auto& end = transitions.end(first + c);
+    for (int b = 0; b < transitions.present(first + c); ++b) {
+      RigidState<double> true_state = end[b], guessed_state;
       double *truth = &true_state.position.x, *guess = &guessed_state.position.x;
-      std::copy_n(data.states[h].data() + (first + c) * data.states[h].rows() + 13 * b, 13, truth);
       std::copy_n(predicted.data() + c * predicted.rows() + 13 * b, 13, guess);
       const bool finite = std::all_of(truth, truth + 13, [](double x) { return std::isfinite(x); });
       if (!finite || std::all_of(truth + 3, truth + 7, [](double x) { return x == 0; }))
-        detail::refuse(detail::text("truth of scenario ", scenario, ", body ", b),
+        detail::refuse(detail::text("truth of transition ", first + c, ", body ", b),
                        "finite numbers and an orientation", "others");
       m.angle += detail::degrees_between(guess + 3, truth + 3);
       double side = 0;
@@ -125,8 +134,9 @@ Metrics measure(const Data& data, std::size_t h, std::ptrdiff_t first, const Pre
         m.*parts[k].mean_square += error2 / parts[k].size;
         relative[k].push_back(std::sqrt(error2) / std::max(std::sqrt(truth2), 1e-12));
       }
-      const double e_true = mechanical_energy(true_state);
-      energy_error += std::abs(mechanical_energy(guessed_state) - e_true);
+      const auto& body = system[b];
+      const double e_true = mechanical_energy(body, true_state);
+      energy_error += std::abs(mechanical_energy(body, guessed_state) - e_true);
       energy += std::abs(e_true);
       ++m.bodies;
       if (!collided) continue;
@@ -157,23 +167,23 @@ Metrics measure(const Data& data, std::size_t h, std::ptrdiff_t first, const Pre
   return m;
 }
 
-/// Quartiles over the scenarios that `chosen` (a scenario's number) takes: those of one family, or with
-/// several collisions.
+/// Quartiles over the transitions that `chosen` (a transition's number) takes: those of one family, or with
+/// several collisions. Error for predictions of another size.
 template <class Data, class Predicted, class Chosen>
-Quartiles position_quartiles(const Data& data, std::size_t h, std::ptrdiff_t first,
-                             const Predicted& predicted, const Chosen& chosen) {
+Quartiles position_quartiles(const Data& transitions, std::ptrdiff_t first, const Predicted& predicted,
+                             const Chosen& chosen) {
+  detail::check_predictions(transitions, first, predicted);
   std::vector<double> errors;
   for (std::ptrdiff_t c = 0; c < predicted.cols(); ++c) {
-    const auto scenario = static_cast<std::size_t>(first + c);
-    if (!chosen(scenario)) continue;
+    if (!chosen(static_cast<std::size_t>(first + c))) continue;
+    const auto& end = transitions.end(first + c);
+    const int present = transitions.present(first + c);
     double sum = 0;
-    for (int b = 0; b < data.body_count[scenario]; ++b) {
-      for (int i = 13 * b; i < 13 * b + 3; ++i) {
-        const double error = predicted(i, c) - static_cast<double>(data.states[h](i, first + c));
-        sum += error * error / 3;
-      }
+    for (int b = 0; b < present; ++b) {
+      const double* guess = predicted.data() + c * predicted.rows() + 13 * b;
+      sum += squared_norm(Vec3<double>{guess[0], guess[1], guess[2]} - end[b].position) / 3;
     }
-    errors.push_back(sum / data.body_count[scenario]);
+    errors.push_back(sum / present);
   }
   return {detail::quantile(errors, 0.25), detail::quantile(errors, 0.5), detail::quantile(errors, 0.75),
           static_cast<long>(errors.size())};

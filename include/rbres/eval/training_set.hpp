@@ -3,55 +3,12 @@
 #include <rbres/body/check_state.hpp>
 #include <rbres/nn/trainer.hpp>
 #include <rbres/predict/predictor.hpp>
-#include <rbres/sim/dataset.hpp>
+#include <rbres/sim/transitions.hpp>
 
 namespace rbres::RBRES_ABI {
 
-/// Scenario c as it starts, and where truth is at horizon h, in the types that a predictor takes. Absent
-/// bodies stand at the origin. (Templates, here and below, so that only those who call them compile them.)
-template <class Columns>
-SystemState<double, ScenarioData::bodies> state_of(const Columns& columns, Eigen::Index c, int present) {
-  SystemState<double, ScenarioData::bodies> y;
-  const auto* from = columns.data() + c * columns.rows();
-  std::copy_n(from, 13 * present, &y[0].position.x);
-  return y;
-}
-/// The wrenches of scenario c.
-template <class Data>
-std::array<Wrench<double>, ScenarioData::bodies> wrench_of(const Data& data, Eigen::Index c) {
-  std::array<Wrench<double>, ScenarioData::bodies> w;
-  std::copy_n(data.wrench.data() + c * data.wrench.rows(), 30, &w[0].force.x);
-  return w;
-}
-
 /// Whether a predictor's normalisers are fitted to the data, or stay those that its network was trained with.
 enum class Normalization { fit, keep };
-
-namespace detail {
-
-/// What a TrainingSet reads: scenarios of the paper's experiment up to one of their horizons, of which only
-/// the first present(c) bodies are there.
-struct ScenarioSource {
-  const ScenarioData* data;
-  std::size_t h;
-
-  int present(Eigen::Index c) const { return data->body_count[static_cast<std::size_t>(c)]; }
-  auto start(Eigen::Index c) const { return state_of(data->initial, c, present(c)); }
-  auto wrench(Eigen::Index c) const { return wrench_of(*data, c); }
-  auto end(Eigen::Index c) const { return state_of(data->states[h], c, present(c)); }
-};
-/// The same of transitions of any world.
-template <int N>
-struct TransitionSource {
-  const Transitions<N>* data;
-
-  int present(Eigen::Index) const { return N; }
-  const auto& start(Eigen::Index c) const { return data->starts[static_cast<std::size_t>(c)].state; }
-  const auto& wrench(Eigen::Index c) const { return data->starts[static_cast<std::size_t>(c)].wrench; }
-  const auto& end(Eigen::Index c) const { return data->ends[static_cast<std::size_t>(c)]; }
-};
-
-}  // namespace detail
 
 /// Columns to train a predictor of one horizon on, and the predictor's normalisation, fitted to the training
 /// columns only.
@@ -62,40 +19,29 @@ class TrainingSet {
   using Columns = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
 
  public:
-  /// Encodes the first n scenarios of `data` for horizon number h. Sets the predictor's horizon, and its
-  /// normalisers from scenarios first_train ... n - 1 alone: those that train. Throws Error for numbers that
-  /// the data does not have, and for data of which a number is not finite or beyond 1e9 (SI): no rigid body
-  /// is there, and beside it a normaliser would see nothing else.
-  TrainingSet(Predictor& predictor, const ScenarioData& data, std::size_t h, Eigen::Index first_train,
-              Eigen::Index n, int threads = 0, Normalization normalization = Normalization::fit) {
-    if (h >= data.horizons.size())
-      detail::refuse("horizon number", detail::text("less than ", data.horizons.size()), h);
-    check(data.count(), first_train, n);
-    predictor.horizon = data.horizons[h];
-    encode(predictor, detail::ScenarioSource{&data, h}, first_train, n, threads, normalization);
-  }
-  /// The same for transitions of any world; Error also for states with an orientation that is no unit
-  /// quaternion.
-  TrainingSet(Predictor& predictor, const Transitions<Predictor::bodies>& data, Eigen::Index first_train,
-              Eigen::Index n, int threads = 0, Normalization normalization = Normalization::fit) {
-    if (data.ends.size() != data.starts.size())
-      detail::refuse("ends of transitions", detail::text(data.starts.size(), ", as many as starts"),
-                     data.ends.size());
+  /// Encodes the first n of `transitions`: Transitions of the user's own world, or others with the same
+  /// members. Sets the predictor's horizon, and its normalisers from transitions first_train ... n - 1 alone:
+  /// those that train. Throws Error for numbers that the data does not have; for data of which a number is
+  /// not finite or beyond 1e9 (SI): no rigid body is there, and beside it a normaliser would see nothing
+  /// else; and for Transitions with an orientation that is no unit quaternion.
+  template <class Data>
+  TrainingSet(Predictor& predictor, const Data& transitions, Eigen::Index first_train, Eigen::Index n,
+              int threads = 0, Normalization normalization = Normalization::fit) {
+    static_assert(Data::bodies == Predictor::bodies, "the transitions are of another number of bodies");
     using Flow = FreeFlow<Predictor::bodies>;
-    if (!(data.horizon >= Flow::shortest && data.horizon <= Flow::longest))
+    if (!(transitions.horizon >= Flow::shortest && transitions.horizon <= Flow::longest))
       detail::refuse("horizon of transitions",
-                     detail::text("from ", Flow::shortest, " to ", Flow::longest, " s"), data.horizon);
-    check(std::ssize(data.starts), first_train, n);
-    for (std::size_t i = 0; i < data.starts.size(); ++i) {
-      check_bodies("start", i, data.starts[i].state);
-      check_bodies("end", i, data.ends[i]);
-    }
-    predictor.horizon = data.horizon;
-    encode(predictor, detail::TransitionSource<Predictor::bodies>{&data}, first_train, n, threads,
-           normalization);
+                     detail::text("from ", Flow::shortest, " to ", Flow::longest, " s"), transitions.horizon);
+    const Eigen::Index count = transitions.count();
+    if (n < 1 || n > count) detail::refuse("transitions", detail::text("1 to ", count), n);
+    if (first_train < 0 || first_train >= n)
+      detail::refuse("first training transition", detail::text("0 to ", n - 1), first_train);
+    if constexpr (std::is_same_v<Data, Transitions<Predictor::bodies>>) check(transitions);
+    predictor.horizon = transitions.horizon;
+    encode(predictor, transitions, first_train, n, threads, normalization);
   }
 
-  /// Scenarios first ... first + count - 1. The views hold while this set lives.
+  /// Transitions first ... first + count - 1. The views hold while this set lives.
   Samples<T> samples(Eigen::Index first, Eigen::Index count) const {
     const auto view = [&](const Columns& all) {
       return ColumnsView<T>(all.col(first).data(), all.rows(), count);
@@ -104,12 +50,15 @@ class TrainingSet {
   }
 
  private:
-  static void check(Eigen::Index count, Eigen::Index first_train, Eigen::Index n) {
-    if (n < 1 || n > count) detail::refuse("scenarios", detail::text("1 to ", count), n);
-    if (first_train < 0 || first_train >= n)
-      detail::refuse("first training scenario", detail::text("0 to ", n - 1), first_train);
+  static void check(const Transitions<Predictor::bodies>& transitions) {
+    if (transitions.ends.size() != transitions.starts.size())
+      detail::refuse("ends of transitions", detail::text(transitions.starts.size(), ", as many as starts"),
+                     transitions.ends.size());
+    for (std::size_t i = 0; i < transitions.starts.size(); ++i) {
+      check_bodies("start", i, transitions.starts[i].state);
+      check_bodies("end", i, transitions.ends[i]);
+    }
   }
-
   template <class State>
   static void check_bodies(const char* what, std::size_t transition, const State& state) {
     for (std::size_t b = 0; b < state.body.size(); ++b)
@@ -172,10 +121,10 @@ class TrainingSet {
     }
   }
 
-  static void expect_sane(const char* what, Eigen::Index scenario, const double* numbers, int count) {
+  static void expect_sane(const char* what, Eigen::Index transition, const double* numbers, int count) {
     for (int r = 0; r < count; ++r)
       if (!(std::abs(numbers[r]) <= 1e9))
-        detail::refuse(detail::text("TrainingSet: scenario ", scenario, ": ", what, ": number ", r),
+        detail::refuse(detail::text("TrainingSet: transition ", transition, ": ", what, ": number ", r),
                        "a finite one of at most 1e9", numbers[r]);
   }
 

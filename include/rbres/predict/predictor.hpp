@@ -51,6 +51,10 @@ class Predictor {
   State predict(const State& state, const Wrenches& wrench, int present = N) const noexcept {
     return decode(state, wrench, network.forward(encode(state, wrench, present)), present);
   }
+  /// The same.
+  State operator()(const State& state, const Wrenches& wrench, int present = N) const noexcept {
+    return predict(state, wrench, present);
+  }
 
   /// Room for predict() of many.
   class Batch {

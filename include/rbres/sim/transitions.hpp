@@ -18,13 +18,36 @@ struct Start {
   std::array<Wrench<double>, std::size_t(N)> wrench{};
 };
 
-/// Starts of a world of N bodies, and where they have led one horizon later: what a Predictor is trained on.
+/// Starts of a world of N bodies, and where they have led one horizon later: what a Predictor is trained on
+/// and measured with.
 template <int N>
 struct Transitions {
+  static constexpr int bodies = N;  ///< N
+
   double horizon = 0;  ///< s
   /// Where they begin.
   std::vector<Start<N>> starts;
   std::vector<SystemState<double, N>> ends;  ///< as many as starts
+  /// Whether an impact came before the end; as many as starts, or none where that is not known.
+  std::vector<char> collided{};
+
+  /// How many transitions there are.
+  std::ptrdiff_t count() const { return std::ssize(starts); }
+  /// How many bodies transition c has: the first ones.
+  int present(std::ptrdiff_t) const { return N; }
+  /// The state at the start of transition c.
+  const SystemState<double, N>& start(std::ptrdiff_t c) const { return starts[at(c)].state; }
+  /// The wrench on each body during transition c.
+  const std::array<Wrench<double>, std::size_t(N)>& wrench(std::ptrdiff_t c) const {
+    return starts[at(c)].wrench;
+  }
+  /// The state at the end of transition c.
+  const SystemState<double, N>& end(std::ptrdiff_t c) const { return ends[at(c)]; }
+  /// Whether transition c is known to have had an impact.
+  bool had_impact(std::ptrdiff_t c) const { return !collided.empty() && collided[at(c)]; }
+
+ private:
+  static std::size_t at(std::ptrdiff_t c) { return static_cast<std::size_t>(c); }
 };
 
 namespace detail {
@@ -52,7 +75,7 @@ Transitions<N> simulate_transitions(const System<double, N, Shape>& system, cons
   using Lanes = Pack<double, detail::double_lanes>;
   if (count < 1) detail::refuse("number of starts", "1 or more", count);
   options.check();
-  Transitions<N> all{options.duration, {}, {}};
+  Transitions<N> all{options.duration, {}, {}, {}};
   for (std::ptrdiff_t i = 0; i < count; ++i) {
     Start<N> one = start(i);
     detail::naming([&] { return detail::text("start ", i, ": "); },
@@ -67,6 +90,7 @@ Transitions<N> simulate_transitions(const System<double, N, Shape>& system, cons
     all.starts.push_back(one);
   }
   all.ends.resize(all.starts.size());
+  all.collided.resize(all.starts.size());
   std::vector<char> lost(all.starts.size());
   const auto at = [&](std::ptrdiff_t i) -> const Start<N>& {
     return all.starts[static_cast<std::size_t>(i)];
@@ -82,6 +106,7 @@ Transitions<N> simulate_transitions(const System<double, N, Shape>& system, cons
       [&](const auto& sample) {
         const auto i = static_cast<std::size_t>(sample.scenario);
         all.ends[i] = sample.state;
+        all.collided[i] = sample.impacts > 0;
         lost[i] = !sample.finite;
       },
       threads);

@@ -7,7 +7,7 @@
 #include <limits>
 #include <map>
 
-#include <rbres/io/dataset.hpp>
+#include <rbres/io/scenario_data.hpp>
 
 using namespace rbres;
 

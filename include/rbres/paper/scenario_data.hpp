@@ -2,8 +2,8 @@
 
 #include <cstdint>
 #include <limits>
+#include <rbres/paper/scenario.hpp>
 #include <rbres/sim/batch.hpp>
-#include <rbres/sim/scenario.hpp>
 #include <rbres/sim/transitions.hpp>
 #include <span>
 

@@ -12,7 +12,7 @@
 #include <rbres/io/digest.hpp>
 #include <rbres/io/json_file.hpp>
 #include <rbres/io/npy.hpp>
-#include <rbres/sim/dataset.hpp>
+#include <rbres/paper/scenario_data.hpp>
 
 /// @file
 /// What the folder of a data set holds: its description and its arrays.

@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include <rbres/io/dataset_folder.hpp>
 #include <rbres/io/folder_lock.hpp>
+#include <rbres/io/scenario_folder.hpp>
 
 /// @file
 /// Data sets on disk: a folder that anyone's NumPy reads. Arrays count scenarios first, in C order:
