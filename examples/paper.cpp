@@ -1,5 +1,6 @@
 // The experiment of arXiv 2407.18798, run for real: simulate, train, evaluate, roll out.
 #include <ctime>
+#include <rbres/io/scenario_data.hpp>
 
 #include "common/command_line.hpp"
 #include "paper/figures.hpp"

@@ -44,7 +44,7 @@ struct ContactFree {
     return next;
   }
 };
-/// @relates ContactFree
+/// The number of bodies is that of the flow.
 template <int N>
 ContactFree(FreeFlow<N>, double) -> ContactFree<N>;
 
@@ -82,8 +82,10 @@ struct Simulated {
     std::ranges::fill(states.subspan(done), y);
   }
 };
+/// With RK4.
 template <class System, class Model>
 Simulated(System, Model, SimulationOptions) -> Simulated<System, Model>;
+/// With an integrator of one's own.
 template <class System, class Model, class Integrator>
 Simulated(System, Model, SimulationOptions, Integrator) -> Simulated<System, Model, Integrator>;
 
