@@ -291,6 +291,22 @@ TEST_CASE("a ball rolls down a slope at 5/7 of the pull") {
   CHECK(norm(y[0].velocity) == doctest::Approx(5.0 / 7 * 9.81 * s * 2).epsilon(1e-9));
 }
 
+TEST_CASE("a rod that tips over: energy is kept on a smooth floor, its end stays on a rough one") {
+  const auto tip = [](double friction, double step) {
+    const Material<double> m{0, friction};
+    const System<double, 1, Capsule<double>> system{{Body{Capsule{0.1, 0.5}, 1.0, m}}, {floor_plane(m)}};
+    SystemState<double, 1> y;
+    y[0].orientation = {0, std::sin(0.25), 0, std::cos(0.25)};
+    y[0].position.z = 0.1 + 0.5 * std::cos(0.5);
+    y[0].angular_velocity = {0.3, 0, 0.5};
+    const double before = energy(system, y, {0, 0, -9.81});
+    simulate(system, y, Gravity{}, Rk4{}, {.step = step, .duration = 0.4});
+    return std::pair{y[0], energy(system, y, {0, 0, -9.81}) - before};
+  };
+  CHECK(std::abs(tip(0, 1e-3).second) < 5e-6);
+  CHECK(norm(tip(1, 2e-3).first.position - tip(1, 5e-4).first.position) < 5e-5);
+}
+
 TEST_CASE("discrete contact: bodies do not sink, a bounce keeps its restitution to the step") {
   const System<double, 1, Sphere<double>> system{{Body{Sphere{0.1}, 1.0, lively}}, {floor_plane(lively)}};
   SystemState<double, 1> y;

@@ -91,6 +91,15 @@ struct ContactPair {
       }
     });
   }
+  /// Where the points of a body on a plane are when it has turned by `turn` (rad, world frame) about its
+  /// centre of mass.
+  void find_turned(const System& system, RigidState<S> body, const Vec3<S>& turn, Contact& contact) const {
+    body.orientation = quaternion_exp(turn) * body.orientation;
+    const auto& plane = system.planes()[static_cast<std::size_t>(-1 - who.first)];
+    const auto m = detect(plane, system[who.second].shape(), shape_pose(system[who.second], body));
+    contact.normal = m.normal;
+    for (std::size_t i = 0; i < std::size_t(m.points); ++i) contact.point[i] = m.point[i];
+  }
   /// Speed at which the gap at one point of `contact` opens, m/s.
   S opening(const Contact& contact, std::size_t i, const Motions& motion) const {
     const auto at = [&](int body) {

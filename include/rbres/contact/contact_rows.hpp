@@ -30,6 +30,8 @@ class ContactRows {
     std::array<S, 3> before, way;            ///< impulse before a round, and the way it has gone, N s
 
     bool plane() const { return who.first < 0; }
+    /// See ContactPoint; of points with a plane only.
+    void set_drift(const Vec3<S>& drift) { std::get_if<FixedPoint>(&at)->set_drift(drift); }
     const std::array<S, 3>& impulse() const {
       return std::visit(
           [](const auto& p) -> auto& { return p.impulse(); }, at);

@@ -84,6 +84,7 @@ class ContactPoint {
   ContactPoint(const Vec3<S>& normal, const Vec3<S>& point, const Motion<S>& first, const Motion<S>& second)
       : direction_(directions(normal)), second_(lever(point, second)) {
     if constexpr (!Fixed) first_ = lever(point, first);
+    if constexpr (Fixed) drift_ = {S(0), S(0), S(0)};
     normal_response_ = response(0, 0, first, second);
     normal_mass_ = inverse(normal_response_);
     const S uu = response(1, 1, first, second), vv = response(2, 2, first, second),
@@ -103,10 +104,18 @@ class ContactPoint {
     S v = dot(direction_[d], second.velocity);
     if constexpr (!Fixed) v -= dot(direction_[d], first.velocity);
     if (d < arms_from) return v;
+    if constexpr (Fixed) v += drift_[d];
     v += dot(second_.arm[d], second.angular_velocity);
     if constexpr (!Fixed) v -= dot(first_.arm[d], first.angular_velocity);
     return v;
   }
+
+  /// A velocity (m/s, world frame) that the point has besides what its motions give it.
+  void set_drift(const Vec3<S>& drift) requires Fixed {
+    for (std::size_t d = arms_from; d < 3; ++d) drift_[d] = dot(direction_[d], drift);
+  }
+  /// The same along the three directions, m/s.
+  const std::array<S, 3>& drift() const requires Fixed { return drift_; }
 
   /// Brings the point along its normal towards the speed `target`, the others held, or no impulse where it
   /// leaves faster. Only where `active`. Returns how far the speed was off (m/s).
@@ -220,6 +229,7 @@ class ContactPoint {
   std::array<Vec3<S>, 3> direction_;
   Lever second_;
   std::conditional_t<Fixed, std::monostate, Lever> first_;
+  std::conditional_t<Fixed, std::array<S, 3>, std::monostate> drift_;
   S normal_response_, normal_mass_, mass_uu_, mass_uv_, mass_vv_, tangent_response_, slip_mass_;
   std::array<S, 3> impulse_{S(0), S(0), S(0)};
 };

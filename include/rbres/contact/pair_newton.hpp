@@ -45,7 +45,11 @@ class PairNewton {
     const auto held = [&](const S& x) { return select(active, x, S(0)); };
     r.arm = {held(dot(point.second_arm(1), frame_.z)), held(-dot(point.second_arm(0), frame_.z)),
              held(dot(point.second_arm(0), frame_.y))};
-    r.target = target;
+    r.target = {target, S(0), S(0)};
+    if constexpr (Fixed) {
+      const auto& [x, y, z] = point.drift();
+      r.target -= Vec3<S>{x, y, z};
+    }
     r.response = {point.normal_response(), point.tangent_response()};
     r.rho = {inverse(r.response[0]), inverse(r.response[1])};
     const auto& [normal, u, v] = point.impulse();
@@ -91,7 +95,7 @@ class PairNewton {
   struct Row {
     MaskOf<S> active;
     Vec3<S> arm;                ///< from the second body's centre of mass to the point, m
-    S target;                   ///< m/s
+    Vec3<S> target;             ///< m/s
     std::array<S, 2> response;  ///< along the normal, and at most along the surface, 1/kg
     std::array<S, 2> rho;       ///< its inverse, kg
     Vec3<S> impulse;            ///< N s
@@ -117,8 +121,7 @@ class PairNewton {
     S worst(0);
     for (std::size_t i = 0; i < size_; ++i) {
       Row& r = rows_[i].value;
-      r.fault = v + cross(w, r.arm);
-      r.fault.x -= r.target;
+      r.fault = v + cross(w, r.arm) - r.target;
       r.moved = r.impulse - Vec3<S>{r.rho[0] * r.fault.x, r.rho[1] * r.fault.y, r.rho[1] * r.fault.z};
       const S normal = maximum(r.moved.x, S(0));
       const S share = inside(r.moved.y, r.moved.z, friction * normal);

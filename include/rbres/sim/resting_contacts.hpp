@@ -28,6 +28,7 @@ class RestingContacts {
   explicit RestingContacts(const System& system)
       : system_(&system), islands_(most_pairs(system)), rows_(system), memory_(rows_.capacity()) {
     at_end_.reserve(most_pairs(system));
+    turns_.reserve(most_pairs(system));
   }
 
   /// A state that did not come out of the last step owes nothing to it.
@@ -85,8 +86,9 @@ class RestingContacts {
       }
       if (!any(slow)) continue;
       stopped = stopped | slow;
-      take_up(pairs, island, motion, [&](const Pair& pair, std::size_t i) {
-        return minimum(closing(pair.manifold, i, pull), S(0));
+      take_up(pairs, island, [&](std::size_t, const Pair& pair, std::size_t i) {
+        const S target = minimum(closing(pair.manifold, i, pull), S(0));
+        rows_.add(pair, pair.manifold, i, pair.resting[i], target, pair.surface.friction, motion);
       });
       rows_.solve(motion, slow);
     }
@@ -109,9 +111,21 @@ class RestingContacts {
     const S kept_rate = select(left * pull > as<S>(1e-4), rate, S(0));
     Forces contact{};
     memory_.start();
+    at_end_.resize(pairs.size());
+    turns_.resize(pairs.size());
     for (std::size_t island = 0; island < islands_.count(); ++island) {
-      take_up(pairs, island, end, [&](const Pair& pair, std::size_t i) {
-        return S(closing(pair.manifold, i, pull) - pair.speed[i]);
+      turn_halfway(pairs, island, y, motion, left);
+      take_up(pairs, island, [&](std::size_t k, const Pair& pair, std::size_t i) {
+        const S target = closing(pair.manifold, i, pull) - pair.speed[i];
+        const auto add = [&](const typename Pair::Contact& there) -> auto& {
+          return rows_.add(pair, there, i, pair.resting[i], target, pair.surface.friction, end);
+        };
+        if (!turns_[k]) {
+          add(pair.manifold);
+          return;
+        }
+        const Vec3<S> way = at_end_[k].point[i] - pair.manifold.point[i];
+        add(at_end_[k]).set_drift(cross(motion[index(pair.who.second)].angular_velocity, way));
       });
       rows_.each(end, [&](auto& row, auto& point, auto& first, auto& second) {
         std::array<S, 3> impulse = memory_.force(row);
@@ -191,43 +205,38 @@ class RestingContacts {
  private:
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
-  /// Takes up the resting points of an island, each to leave at target(pair, point) (m/s) at least.
-  template <class Target>
-  void take_up(const Pairs& pairs, std::size_t island, Motions& motion, const Target& target) {
+  /// Takes up the resting points i of an island by add(k, pair k, i).
+  template <class Add>
+  void take_up(const Pairs& pairs, std::size_t island, const Add& add) {
     rows_.clear();
     for (const std::size_t k : islands_[island]) {
       const Pair& pair = pairs[k];
       if (rows_.full()) return;  // points that find no room bounce when they have sunk in
       for (std::size_t i = 0; i < P; ++i) {
-        if (any(pair.resting[i]))
-          rows_.add(pair, pair.manifold, i, pair.resting[i], target(pair, i), pair.surface.friction, motion);
+        if (any(pair.resting[i])) add(k, pair, i);
       }
+    }
+  }
+
+  /// Notes where bodies that turn touch their planes halfway through the next `left` seconds: a constant
+  /// force acts with that arm, to the second order.
+  void turn_halfway(const Pairs& pairs, std::size_t island, const State& y, const Motions& motion,
+                    const S& left) {
+    for (const std::size_t k : islands_[island]) {
+      const Pair& pair = pairs[k];
+      turns_[k] = false;
+      if (Pair::central || !pair.plane()) continue;
+      const Vec3<S> half = S(as<S>(0.5) * left) * motion[index(pair.who.second)].angular_velocity;
+      const MaskOf<S> turns = squared_norm(half) > as<S>(1e-20);  // less is rounding
+      turns_[k] = any(turns);
+      if (!turns_[k]) continue;
+      pair.find_turned(*system_, y[pair.who.second], select(turns, half, Vec3<S>{}), at_end_[k]);
     }
   }
 
   /// The least speed (m/s) at which a resting point is to leave: gaps close slowly, overlaps open slowly.
   static S closing(const typename Pair::Contact& contact, std::size_t i, const S& pull) {
     return -pull * contact.gap[i];
-  }
-
-  /// Adds the force of a point between two bodies, which moves from where y has it to where `end` has it.
-  template <class Row, class Point>
-  static void add_paired_force(const Row& row, const Point& point, const State& y, const Motions& end,
-                               const S& rate, Forces& contact) {
-    Vec3<S> force;
-    for (std::size_t d = 0; d < 3; ++d) force += (rate * row.impulse()[d]) * point.direction(d);
-    const auto first = index(row.moved.first), second = index(row.moved.second);
-    const S &a = end[first].inverse_mass, &b = end[second].inverse_mass;
-    const auto along = [&](const Vec3<S>& v, const Vec3<S>& w) { return (S(1) / (a + b)) * (a * v + b * w); };
-    const Vec3<S> from = along(y[row.moved.first].velocity, y[row.moved.second].velocity);
-    const Vec3<S> to = along(end[first].velocity, end[second].velocity);
-    const Vec3<S> drift = cross(from, force), bend = as<S>(0.5) * rate * cross(to - from, force);
-    contact[second].paired += force;
-    contact[second].drift += drift;
-    contact[second].bend += bend;
-    contact[first].paired -= force;
-    contact[first].drift -= drift;
-    contact[first].bend -= bend;
   }
 
   /// Resting contacts do no work but that of friction, which is never positive: what their forces did too
@@ -238,19 +247,8 @@ class RestingContacts {
     for (std::size_t island = 0; island < islands_.count(); ++island) {
       if constexpr (!Packed<S>) {
         bound_energy(pairs, islands_[island], rests_, y, flown, contact, part, end);
-      } else {  // one group of pairs, in which each lane has islands of its own: the smallest body names them
-        std::array<S, std::size_t(N)> name;
-        for (int i = 0; i < N; ++i) name[index(i)] = as<S>(double(i));
-        for (int round = 1; round < N; ++round) {
-          for (const std::size_t k : islands_[island]) {
-            const Pair& pair = pairs[k];
-            if (pair.moved.first < 0) continue;
-            S &a = name[index(pair.moved.first)], &b = name[index(pair.moved.second)];
-            const S least = minimum(a, b);
-            a = select(pair.any_resting, least, a);
-            b = select(pair.any_resting, least, b);
-          }
-        }
+      } else {  // one group of pairs, in which each lane has islands of its own
+        const auto name = lane_islands(pairs, islands_[island]);
         for (int i = 0; i < N; ++i) {
           std::array<MaskOf<S>, std::size_t(N)> members;
           for (int j = 0; j < N; ++j)
@@ -291,7 +289,8 @@ class RestingContacts {
   ContactMemory<System> memory_;
   IslandEnergy<System> energy_;
   std::array<MaskOf<S>, std::size_t(N)> rests_;
-  Reserved<typename Pair::Contact> at_end_;  ///< how the resting pairs meet at the end of a part
+  Reserved<typename Pair::Contact> at_end_;  ///< how the resting pairs meet at the end of a part, or halfway
+  Reserved<char> turns_;                     ///< which pairs' points move with a turn about their plane
   State last_{};                             ///< where the last step ended
 };
 

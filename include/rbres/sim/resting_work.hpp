@@ -38,6 +38,49 @@ struct RestingForce {
   }
 };
 
+/// In lanes, an island of the bodies of all pairs falls apart into islands of each lane's own: returns which
+/// each body belongs to, named by the smallest body in it.
+template <class System>
+std::array<typename System::Scalar, std::size_t(System::bodies)> lane_islands(
+    const Reserved<ContactPair<System>>& pairs, std::span<const std::size_t> island) {
+  using S = typename System::Scalar;
+  std::array<S, std::size_t(System::bodies)> name;
+  for (std::size_t i = 0; i < name.size(); ++i) name[i] = as<S>(double(i));
+  for (int round = 1; round < System::bodies; ++round) {
+    for (const std::size_t k : island) {
+      const auto& pair = pairs[k];
+      if (pair.moved.first < 0) continue;
+      S &a = name[std::size_t(pair.moved.first)], &b = name[std::size_t(pair.moved.second)];
+      const S least = minimum(a, b);
+      a = select(pair.any_resting, least, a);
+      b = select(pair.any_resting, least, b);
+    }
+  }
+  return name;
+}
+
+/// Adds the force of a point between two bodies (impulse times `rate`), which moves from where y has it to
+/// where `end` has it.
+template <class Row, class Point, class State, class Motions, class Forces, class S>
+void add_paired_force(const Row& row, const Point& point, const State& y, const Motions& end, const S& rate,
+                      Forces& contact) {
+  const auto index = [](int i) { return static_cast<std::size_t>(i); };
+  Vec3<S> force;
+  for (std::size_t d = 0; d < 3; ++d) force += (rate * row.impulse()[d]) * point.direction(d);
+  const auto first = index(row.moved.first), second = index(row.moved.second);
+  const S &a = end[first].inverse_mass, &b = end[second].inverse_mass;
+  const auto along = [&](const Vec3<S>& v, const Vec3<S>& w) { return (S(1) / (a + b)) * (a * v + b * w); };
+  const Vec3<S> from = along(y[row.moved.first].velocity, y[row.moved.second].velocity);
+  const Vec3<S> to = along(end[first].velocity, end[second].velocity);
+  const Vec3<S> drift = cross(from, force), bend = as<S>(0.5) * rate * cross(to - from, force);
+  contact[second].paired += force;
+  contact[second].drift += drift;
+  contact[second].bend += bend;
+  contact[first].paired -= force;
+  contact[first].drift -= drift;
+  contact[first].bend -= bend;
+}
+
 /// Contact forces that are constant over a part are of second order: they may do work that contacts cannot
 /// do. This takes such energy out of the motion of an island again.
 template <class System>
