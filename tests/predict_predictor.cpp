@@ -344,6 +344,29 @@ TEST_CASE("the contact-free flow of many is that of each") {
       [&](std::ptrdiff_t, const State& y) { CHECK(y.vector().hasNaN()); });
 }
 
+TEST_CASE("the contact-free flow of bodies of any kinds is that of each alone") {
+  Eigen::Matrix3d tensor;
+  tensor << 0.03, 0.002, 0, 0.002, 0.02, 0.001, 0, 0.001, 0.04;
+  const std::array<Body<double>, 5> bodies{
+      Body{Sphere{0.1}, 1.0}, Body<double>(Box{0.2, 0.1, 0.15}, 2.0), Body{Capsule{0.1, 0.2}, 3.0},
+      Body<double>(Box{0.3, 0.2, 0.1}, 1.5, tensor), Body<double>::kinematic(Box{1.0, 1.0, 0.1})};
+  const State start = random_state<State>(3);
+  const auto w = random_wrenches();
+  for (const double density : {0.0, 50.0}) {
+    const FreeFlow<5> all{System<double, 5>(bodies), Gravity{}, {.density = density}, {0.1, 0.2}};
+    const State together = all(start, w, 0.31);
+    for (int b = 0; b < 5; ++b) {
+      CAPTURE(b);
+      const FreeFlow<1> alone{System<double, 1>({bodies[static_cast<std::size_t>(b)]}),
+                              Gravity{},
+                              {.density = density},
+                              {0.1, 0.2}};
+      const auto one = alone(SystemState<double, 1>{{start[b]}}, {w[static_cast<std::size_t>(b)]}, 0.31);
+      CHECK((one[0].vector() - together[b].vector()).norm() < 1e-12);
+    }
+  }
+}
+
 TEST_CASE("the contact-free flow ends for any horizon") {
   const FreeFlow<1> flow{System<double, 1>({Body<double, AnyShape<double>>(Sphere<double>{0.1}, 1.0)})};
   const std::array<Wrench<double>, 1> wrench{};

@@ -134,6 +134,27 @@ class Body {
                           material);
   }
 
+  /// Puts a body into lane l of this one. Both have the same kind of shape.
+  template <class T, class Other>
+  void set_lane(int l, const Body<T, Other>& body) noexcept {
+    const auto set = [l](auto... numbers) {
+      (ScalarTraits<S>::set_lane(*numbers.first, l, *numbers.second), ...);
+    };
+    detail::set_shape_lane(shape_, l, body.shape_);
+    const auto vector = [&](Vec3<S>& to, const Vec3<T>& from) {
+      set(std::pair(&to.x, &from.x), std::pair(&to.y, &from.y), std::pair(&to.z, &from.z));
+    };
+    vector(inertia_, body.inertia_);
+    vector(inverse_inertia_, body.inverse_inertia_);
+    const Quat<T>& q = body.shape_rotation_;
+    set(std::pair(&shape_rotation_.x, &q.x), std::pair(&shape_rotation_.y, &q.y),
+        std::pair(&shape_rotation_.z, &q.z), std::pair(&shape_rotation_.w, &q.w),
+        std::pair(&mass_, &body.mass_), std::pair(&inverse_mass_, &body.inverse_mass_),
+        std::pair(&material_.restitution, &body.material_.restitution),
+        std::pair(&material_.friction, &body.material_.friction),
+        std::pair(&bounding_radius_, &body.bounding_radius_));
+  }
+
  private:
   template <class, class>
   friend class Body;

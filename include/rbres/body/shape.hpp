@@ -155,6 +155,30 @@ decltype(auto) with_shape(const std::variant<Shapes...>& shape, F&& f) {
   return std::visit(f, shape);
 }
 
+/// Puts a shape into lane l of another of the same kind.
+template <class S, class T>
+void set_shape_lane(Sphere<S>& to, int l, const Sphere<T>& from) {
+  ScalarTraits<S>::set_lane(to.radius, l, from.radius);
+}
+template <class S, class T>
+void set_shape_lane(Box<S>& to, int l, const Box<T>& from) {
+  ScalarTraits<S>::set_lane(to.half.x, l, from.half.x);
+  ScalarTraits<S>::set_lane(to.half.y, l, from.half.y);
+  ScalarTraits<S>::set_lane(to.half.z, l, from.half.z);
+}
+template <class S, class T>
+void set_shape_lane(Capsule<S>& to, int l, const Capsule<T>& from) {
+  ScalarTraits<S>::set_lane(to.radius, l, from.radius);
+  ScalarTraits<S>::set_lane(to.half_length, l, from.half_length);
+}
+template <class... Packed, class... Shapes>
+void set_shape_lane(std::variant<Packed...>& to, int l, const std::variant<Shapes...>& from) {
+  ((std::holds_alternative<Packed>(to)
+        ? set_shape_lane(*std::get_if<Packed>(&to), l, *std::get_if<Shapes>(&from))
+        : void()),
+   ...);
+}
+
 template <class Shape, class T>
 struct CastShape;
 template <template <class> class Shape, class S, class T>

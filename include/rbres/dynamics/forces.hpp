@@ -53,6 +53,8 @@ struct FluidFriction {
   /// The force on a body, and the torque.
   template <class S, class Shape>
   [[gnu::always_inline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>& state) const {
+    if constexpr (std::is_arithmetic_v<T>)  // dual numbers have a derivative by a density of zero
+      if (density == T(0)) return {};
     const S factor = as<S>(T(-0.5) * density * drag);
     const S resistance = detail::with_shape(body.shape(), [&](const auto& shape) {
       using Held = std::decay_t<decltype(shape)>;

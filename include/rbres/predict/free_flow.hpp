@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <limits>
 #include <rbres/core/pack.hpp>
 #include <rbres/dynamics/forces.hpp>
@@ -31,11 +32,18 @@ struct FreeFlow {
   static constexpr double longest = 3600;   ///< time that is followed, s
   static constexpr double shortest = 1e-6;  ///< horizon of a predictor, s
 
-  /// The states after `duration` (s, at most `longest`); NaN for any other duration.
+  /// The states after `duration` (s, at most `longest`); NaN for any other duration. Bodies do not act on one
+  /// another, so those with one kind of shape share registers.
   SystemState<double, N> operator()(SystemState<double, N> y,
                                     const std::array<Wrench<double>, std::size_t(N)>& wrench,
                                     double duration) const noexcept {
-    follow(system, forces(ConstantWrench<double, N>{wrench}), y, duration);
+    if constexpr (N == 1) {
+      follow(system, forces(ConstantWrench<double, N>{wrench}), y, duration);
+    } else {
+      std::array<bool, std::size_t(N)> done{};
+      for (int b = 0; b < N; ++b)
+        if (!done[std::size_t(b)]) follow_kind(b, done, y, wrench, duration);
+    }
     return y;
   }
 
@@ -64,8 +72,34 @@ struct FreeFlow {
   }
 
  private:
-  template <class S>
-  auto forces(const ConstantWrench<S, N>& own) const noexcept {
+  /// Takes body b and as many others of its kind of shape as fit into a register to their states after the
+  /// duration.
+  void follow_kind(int b, std::array<bool, std::size_t(N)>& done, SystemState<double, N>& y,
+                   const std::array<Wrench<double>, std::size_t(N)>& wrench, double duration) const noexcept {
+    constexpr int L = std::min(detail::double_lanes, int(std::bit_ceil(unsigned(N))));
+    using S = Pack<double, L>;
+    auto body = system[b].template cast<S>();
+    SystemState<S, 1> states;
+    ConstantWrench<S, 1> own;
+    std::array<int, std::size_t(L)> members;
+    int count = 0;
+    for (int k = b; k < N && count < L; ++k) {
+      if (done[std::size_t(k)] || system[k].shape().index() != system[b].shape().index()) continue;
+      done[std::size_t(k)] = true;
+      members[std::size_t(count++)] = k;
+    }
+    for (int l = 0; l < L; ++l) {
+      const int k = members[std::size_t(std::min(l, count - 1))];
+      body.set_lane(l, system[k]);
+      set_lane(states, l, SystemState<double, 1>{{y[k]}});
+      set_lane(own, l, std::array{wrench[std::size_t(k)]});
+    }
+    follow(rbres::System<S, 1>({body}), forces(own), states, duration);
+    for (int l = 0; l < count; ++l) y[members[std::size_t(l)]] = lane(states, l)[0];
+  }
+
+  template <class S, int M>
+  auto forces(const ConstantWrench<S, M>& own) const noexcept {
     return Forces{gravity, friction, damping, own};
   }
   template <class AnySystem, class Model>
