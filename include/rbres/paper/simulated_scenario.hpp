@@ -33,7 +33,7 @@ struct SimulatedScenario {
   void run(const State& y, const Wrenches& wrench, std::span<State> states) const {
     const Simulated simulated{scenario_system<Set, N>(world), scenario_forces<Set>(), options};
     SystemState<double, N> part;
-    std::array<Wrench<double>, N> own;
+    std::array<Wrench<double>, std::size_t(N)> own;
     std::copy_n(y.body.begin(), N, part.body.begin());
     std::copy_n(wrench.begin(), N, own.begin());
     std::vector<SystemState<double, N>> ends(states.size());
