@@ -85,7 +85,7 @@ struct LaneMask {
 
   LaneMask() = default;
   /// Takes the bits as they are.
-  LaneMask(Vector b) : bits(b) {}
+  LaneMask(const Vector& b) : bits(b) {}
   /// The same in every lane.
   LaneMask(bool b) : bits(Vector{} - Int{b}) {}
 
@@ -135,7 +135,7 @@ struct Pack {
 
   Pack() = default;
   /// The numbers of a vector.
-  Pack(Vector x) : v(x) {}
+  Pack(const Vector& x) : v(x) {}
   /// The same number in every lane.
   Pack(T x) : v(Vector{} + x) {}
 
