@@ -307,6 +307,38 @@ TEST_CASE("a rod that tips over: energy is kept on a smooth floor, its end stays
   CHECK(norm(tip(1, 2e-3).first.position - tip(1, 5e-4).first.position) < 5e-5);
 }
 
+TEST_CASE("edges that slide deeper while their face's points leave cost no events") {
+  const Material<double> smooth{0, 0};
+  const System<double, 2, Box<double>> system{
+      {Body{Box{0.8990125785, 0.5815346952, 0.4871734605}, 3.7, smooth},
+       Body{Box{0.409997095, 0.687683536, 0.5102210245}, 3.6, smooth}}};
+  for (const double side : {1.0, -1.0}) {
+    CAPTURE(side);
+    const auto mirrored = [&](RigidState<double> y) {
+      y.position.y *= side;
+      y.orientation.x *= side;
+      y.orientation.z *= side;
+      y.velocity.y *= side;
+      y.angular_velocity.x *= side;
+      y.angular_velocity.z *= side;
+      return y;
+    };
+    SystemState<double, 2> y;
+    y[0] =
+        mirrored({{0.821741933397, -0.247420768234, -0.511784160918},
+                  normalized(Quat<double>{0.0704733561104, -0.0866048819139, 0.943697302939, 0.311397657237}),
+                  {-0.412493144789, -0.688656641974, -3.6402266386},
+                  {-3.36334816813, 0.593162652311, 2.17410636443}});
+    y[1] =
+        mirrored({{-0.418100776215, 0.811801750053, -0.308807950851},
+                  normalized(Quat<double>{-0.636147030775, -0.267057497107, -0.634135012911, 0.349098888391}),
+                  {0.471755788719, -0.775472978882, -2.22390766311},
+                  {4.40357291627, -0.505980668172, -1.78713869858}});
+    const auto report = simulate(system, y, nothing, Rk4{}, {.step = 3.65e-4, .duration = 1.1e-3});
+    CHECK(report.overruns == 0);
+  }
+}
+
 TEST_CASE("discrete contact: bodies do not sink, a bounce keeps its restitution to the step") {
   const System<double, 1, Sphere<double>> system{{Body{Sphere{0.1}, 1.0, lively}}, {floor_plane(lively)}};
   SystemState<double, 1> y;

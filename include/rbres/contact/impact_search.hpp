@@ -48,9 +48,12 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
   }
   if (!any(counted)) return part;
 
-  // A point that overlaps and leaves comes back when it is as deep again. Where two bodies hold one another,
-  // their points cannot be told apart: there a new one shows by a depth that held ones never reach.
-  const S allowance = pair.fixed_points() ? S(0) : select(pair.any_resting, pair.near, S(0));
+  // A point that overlaps and leaves comes back when it is as deep again. Where two bodies touch, their
+  // points cannot be told apart, and edges may slide deeper while all points leave: there a new point shows
+  // by a depth that others do not reach.
+  MaskOf<S> joined = pair.any_resting;
+  for (std::size_t i = 0; i < P; ++i) joined = joined | pair.touching[i];
+  const S allowance = pair.fixed_points() ? S(0) : select(joined, pair.near, S(0));
   const auto lowest = [&](const typename Pair::Contact& contact) {
     if (!pair.fixed_points())
       return S(contact.separation - minimum(pair.manifold.separation, S(0)) + allowance);
@@ -71,13 +74,12 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
       pair.size};
   MaskOf<S> dips(!pair.fixed_points());
   for (std::size_t i = 0; i < P; ++i) {
-    if (!any(counts[i])) continue;
+    if (!pair.fixed_points() || !any(counts[i])) continue;
     const S later = pair.opening(after, i, end_motion);
     const MaskOf<S> came = pair.speed[i]<S(0), leaves = later> S(0);
     dips = dips | (counts[i] & came & leaves);
     // A point that has just left is apart when gravity has turned it round, if that comes soon.
-    const MaskOf<S> touched = pair.touching[i], shared = pair.any_resting & !MaskOf<S>(pair.fixed_points());
-    const MaskOf<S> leaving = counts[i] & touched & !shared;
+    const MaskOf<S> leaving = counts[i] & pair.touching[i];
     const S slowed = maximum(S(pair.speed[i] - later), S(Constants<S>::tiny));
     const S turn = part * clamp(S(pair.speed[i] / slowed), as<S>(1e-3), S(1));
     approach.first_look = select(leaving, minimum(approach.first_look, turn), approach.first_look);
