@@ -307,6 +307,19 @@ TEST_CASE("a rod that tips over: energy is kept on a smooth floor, its end stays
   CHECK(norm(tip(1, 2e-3).first.position - tip(1, 5e-4).first.position) < 5e-5);
 }
 
+TEST_CASE("a capsule that turns fast on its side on a smooth floor keeps its energy") {
+  const Material<double> smooth{0, 0};
+  const System<double, 1, Capsule<double>> system{{Body{Capsule{0.1, 0.2}, 1.0, smooth}},
+                                                  {floor_plane(smooth)}};
+  SystemState<double, 1> y;
+  y[0].position.z = 0.1;
+  y[0].orientation = {0, std::sqrt(0.5), 0, std::sqrt(0.5)};
+  y[0].angular_velocity = {14, 0, 14};  // rad/s about its own axis and the vertical
+  const double before = kinetic_energy(system, y);
+  simulate(system, y, Gravity{}, Rk4{}, {.step = 1e-3, .duration = 5});
+  CHECK(kinetic_energy(system, y) == doctest::Approx(before).epsilon(1e-7));
+}
+
 TEST_CASE("edges that slide deeper while their face's points leave cost no events") {
   const Material<double> smooth{0, 0};
   const System<double, 2, Box<double>> system{
