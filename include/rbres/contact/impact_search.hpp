@@ -50,10 +50,12 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
 
   // A point that overlaps and leaves comes back when it is as deep again. Where two bodies touch, their
   // points cannot be told apart, and edges may slide deeper while all points leave: there a new point shows
-  // by a depth that others do not reach.
-  MaskOf<S> joined = pair.any_resting;
-  for (std::size_t i = 0; i < P; ++i) joined = joined | pair.touching[i];
-  const S allowance = pair.fixed_points() ? S(0) : select(joined, pair.near, S(0));
+  // by a depth that others do not reach. What that adds up to stays below most_sinking().
+  MaskOf<S> touching(false);
+  for (std::size_t i = 0; i < P; ++i) touching = touching | pair.touching[i];
+  const S spare = clamp(S(pair.most_sinking() + minimum(pair.manifold.separation, S(0))), S(0), pair.near);
+  const S allowance =
+      pair.fixed_points() ? S(0) : select(pair.any_resting, pair.near, select(touching, spare, S(0)));
   const auto lowest = [&](const typename Pair::Contact& contact) {
     if (!pair.fixed_points())
       return S(contact.separation - minimum(pair.manifold.separation, S(0)) + allowance);
