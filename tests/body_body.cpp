@@ -69,6 +69,41 @@ TEST_CASE("any inertia tensor is taken to its principal axes") {
   CHECK((x - axes.transpose().col(0)).norm() < 1e-14);
 }
 
+TEST_CASE("a body in another scalar is the same body, however its shape stands in it") {
+  Eigen::Matrix3d tensor;
+  tensor << 0.010, 0.002, -0.001, 0.002, 0.012, 0.003, -0.001, 0.003, 0.015;
+  const auto check = [&](const auto& shape) {
+    using Shape = std::decay_t<decltype(shape)>;
+    const Material<double> material{0.25, 0.5};
+    for (const bool turned : {false, true}) {
+      const Body<double, Shape> body = turned ? Body<double, Shape>(shape, 2.0, tensor, material)
+                                              : Body<double, Shape>(shape, 2.0, material);
+      CHECK((norm(Vec3<double>{body.shape_rotation().x, body.shape_rotation().y, body.shape_rotation().z}) >
+             0.1) == turned);
+      const auto same = [&](const auto& other) {
+        const auto at = [](const auto& x) { return ScalarTraits<std::decay_t<decltype(x)>>::lane(x, 0); };
+        const Quat<double>& p = body.shape_rotation();
+        const auto& q = other.shape_rotation();
+        CHECK(std::array{double(at(q.x)), double(at(q.y)), double(at(q.z)), double(at(q.w))} ==
+              std::array{p.x, p.y, p.z, p.w});
+        CHECK(std::array{double(at(other.inertia().x)), double(at(other.inertia().y)),
+                         double(at(other.inertia().z)), double(at(other.mass())),
+                         double(at(other.material().friction)), double(at(other.bounding_radius()))} ==
+              std::array{body.inertia().x, body.inertia().y, body.inertia().z, body.mass(),
+                         body.material().friction, body.bounding_radius()});
+      };
+      same(body.template cast<double>());
+      same(body.template cast<Pack<double, 4>>());
+      same(body.scaled(1, 1, 1, material));
+      same(Body<double>(body));
+      same(Body<double>(body).template cast<double>());
+    }
+  };
+  check(Sphere{0.1});
+  check(Box{0.1, 0.2, 0.3});
+  check(Capsule{0.1, 0.2});
+}
+
 TEST_CASE("impossible bodies are refused, and the message says which and why") {
   const auto ball = [](const char* mass) {
     return detail::text("body (sphere of radius 0.1 m, ", mass, " kg), ");

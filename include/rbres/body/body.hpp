@@ -127,10 +127,10 @@ class Body {
     const Other shape = detail::with_shape(shape_, [](const auto& s) { return Other(s.template cast<T>()); });
     const Material<T> material{as<T>(material_.restitution), as<T>(material_.friction)};
     if (kinematic_) return Body<T, Other>::kinematic(shape, material);
+    const Quat<S> axes = shape_rotation_.conjugate();
     return Body<T, Other>(shape, as<T>(mass_),
                           PrincipalInertia<T>{{as<T>(inertia_.x), as<T>(inertia_.y), as<T>(inertia_.z)},
-                                              {as<T>(shape_rotation_.x), as<T>(shape_rotation_.y),
-                                               as<T>(shape_rotation_.z), as<T>(shape_rotation_.w)}},
+                                              {as<T>(axes.x), as<T>(axes.y), as<T>(axes.z), as<T>(axes.w)}},
                           material);
   }
 
