@@ -104,6 +104,12 @@ TEST_CASE("a rollout of a simulation is one run on, through contacts") {
   CHECK(states[0] == pieces(y, Wrenches{}, 3));
   CHECK(distance(states[14], once(y, Wrenches{}, 3)) < 1e-12);
   CHECK(states[3][4] == y[4]);
+  for (const int present : {2, 6})
+    CHECK_THROWS_WITH_AS(once(y, Wrenches{}, present),
+                         doctest::Contains("bodies of a scenario: expected 3 to 5"), Error);
+  pieces.options.duration = 0;
+  CHECK_THROWS_WITH_AS(pieces(y, Wrenches{}, 3), doctest::Contains("duration of a simulation that predicts"),
+                       Error);
 }
 
 TEST_CASE("all predictions are those one by one, and the data count impacts by horizon") {

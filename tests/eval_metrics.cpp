@@ -22,6 +22,8 @@ ScenarioData at_rest(Eigen::Index n) {
       states.row(13 * b + 6).setOnes();
     }
   }
+  data.initial = ScenarioData::Columns::Zero(65, n);
+  data.wrench = ScenarioData::Columns::Zero(30, n);
   data.body_count.assign(static_cast<std::size_t>(n), 3);
   data.first_contact.assign(static_cast<std::size_t>(n), std::numeric_limits<float>::infinity());
   return data;
@@ -67,6 +69,63 @@ TEST_CASE("truth that is no state is refused, and predictions that are not finit
   CHECK(m.velocity == 0);
   CHECK(std::isnan(
       position_quartiles(ScenarioTransitions(good, 0), 0, guess, [](std::size_t) { return true; }).median));
+}
+
+TEST_CASE("predictions may be any matrix: a block of rows, rows first, in floats") {
+  const ScenarioData data = at_rest(2);
+  Eigen::MatrixXd guess = truth(data);
+  guess(0, 0) += 3, guess(13, 1) -= 1;
+  const double position = compare(data, guess).position;
+  const auto all = [](std::size_t) { return true; };
+  const ScenarioTransitions transitions(data, 0);
+  const double median = position_quartiles(transitions, 0, guess, all).median;
+  Eigen::MatrixXd larger = Eigen::MatrixXd::Constant(70, 2, 1e3);
+  larger.topRows(65) = guess;
+  const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows_first = guess;
+  const auto check = [&](const auto& predicted) {
+    CHECK(measure(transitions, 0, predicted, bodies).position == position);
+    CHECK(position_quartiles(transitions, 0, predicted, all).median == median);
+  };
+  check(larger.topRows(65));
+  check(rows_first);
+  check(Eigen::MatrixXf(guess.cast<float>()));
+}
+
+TEST_CASE("transitions that are not there, and data whose parts do not fit together, are refused") {
+  const auto refused = [](const auto& f, const char* what) {
+    CHECK_THROWS_WITH_AS(f(), doctest::Contains(what), Error);
+  };
+  const Transitions<1> good{0.1, std::vector<Start<1>>(20), std::vector<SystemState<double, 1>>(20)};
+  const ConstantVelocity predict{0.1};
+  for (const auto& [first, count] : {std::pair{0, 40}, {-1, 5}, {21, 0}, {0, -1}, {15, 6}})
+    refused([&, f = first, n = count] { (void)predict_all(good, f, n, predict); }, "expected some of 20");
+  CHECK(predict_all(good, 20, 0, predict).cols() == 0);
+  refused([&] { (void)one_by_one(good, 21, predict); }, "expected some of 20");
+  const System<double, 1> world{{Body{Sphere{0.1}, 1.0}}};
+  const Eigen::MatrixXd guess = predict_all(good, 0, 20, predict);
+  Transitions<1> data = good;
+  data.collided.resize(12);
+  refused([&] { (void)measure(data, 0, guess, world); }, "impacts of transitions: expected 20");
+  data = good;
+  data.ends.pop_back();
+  refused([&] { (void)measure(data, 0, guess, world); }, "ends of transitions: expected 20");
+  refused([&] { (void)predict_all(data, 0, 20, predict); }, "ends of transitions: expected 20");
+
+  const auto wrong = [&](const auto& change, const char* what) {
+    ScenarioData scenarios = at_rest(2);
+    change(scenarios);
+    refused([&] { ScenarioTransitions(scenarios, 0); }, what);
+  };
+  wrong([](auto& d) { d.body_count[1] = 200; }, "bodies of scenario 1: expected 1 to 5, found 200");
+  wrong([](auto& d) { d.body_count[0] = 0; }, "bodies of scenario 0");
+  wrong([](auto& d) { d.body_count.pop_back(); }, "body counts: expected 2, found 1");
+  wrong([](auto& d) { d.first_contact.pop_back(); }, "first contacts");
+  wrong([](auto& d) { d.states.pop_back(); }, "lists of states");
+  wrong([](auto& d) { d.states[0].conservativeResize(64, 2); }, "rows of states: expected 65, found 64");
+  wrong([](auto& d) { d.initial.conservativeResize(65, 1); }, "initial states");
+  wrong([](auto& d) { d.initial.resize(64, 2); }, "rows of initial states");
+  wrong([](auto& d) { d.wrench.conservativeResize(30, 1); }, "wrenches");
+  wrong([](auto& d) { d.wrench.resize(29, 2); }, "rows of wrenches");
 }
 
 TEST_CASE("mean squares are per component and over present bodies") {
@@ -142,6 +201,13 @@ TEST_CASE("r and the share within half a metre per second look at scenarios that
   CHECK(m.pearson == doctest::Approx(1));
   CHECK(m.within_half == doctest::Approx(8.0 / 9));
   CHECK(compare(data, guess, 1).collided == 6);
+  // Nothing is said where either does not vary.
+  for (int i = 0; i < 9; ++i) guess(13 * (i / 3) + 7 + i % 3, 1) = 0.3;
+  CHECK(compare(data, guess).pearson == 0);
+  guess(7, 1) = std::numeric_limits<double>::quiet_NaN();
+  m = compare(data, guess);
+  CHECK(std::isnan(m.pearson));
+  CHECK(std::isnan(m.within_half));
   // (0, 1, 2) against (0, 2, 1), the others equal: the covariance over the deviations' product, by hand.
   for (int i = 0; i < 9; ++i) guess(13 * (i / 3) + 7 + i % 3, 1) = i;
   guess(8, 1) = 2, guess(9, 1) = 1;
@@ -186,6 +252,10 @@ TEST_CASE("methods are timed in turns") {
     CHECK(s.low <= s.median);
     CHECK(s.median <= s.high);
   }
+  CHECK_THROWS_WITH_AS(time_side_by_side({call('a')}, 0), "rounds of timing: expected at least 1, found 0",
+                       Error);
+  CHECK_THROWS_AS(time_side_by_side({{{}, 1}}, 1), Error);
+  CHECK_THROWS_AS(time_side_by_side({{[] {}, 0}}, 1), Error);
 }
 
 TEST_CASE("transitions of one's own world are measured with its masses and gravity") {

@@ -221,6 +221,9 @@ TEST_CASE("samples are encoded, normalised, and without weight where a body is a
   const ScenarioData data = made_up(12);
   Small p = predictor(Target::residual);
   const TrainingSet<Small> set(p, ScenarioTransitions(data, 0), 4, 12);
+  for (const auto& [first, count] : {std::pair{0, 13}, {-1, 2}, {12, 1}, {13, 0}, {0, -1}})
+    CHECK_THROWS_AS(set.samples(first, count), Error);
+  CHECK(set.samples(12, 0).count() == 0);
   const auto samples = set.samples(0, 12);
   for (Eigen::Index c = 0; c < 12; ++c) {
     const int present = data.body_count[static_cast<std::size_t>(c)];

@@ -320,6 +320,26 @@ TEST_CASE("a capsule that turns fast on its side on a smooth floor keeps its ene
   CHECK(kinetic_energy(system, y) == doctest::Approx(before).epsilon(1e-7));
 }
 
+TEST_CASE("what friction stops in a groove has not climbed higher than its motion takes it") {
+  const Material<double> m{0.5, 0.3};
+  const double c = std::sqrt(0.5);
+  const System<double, 1, Box<double>> system{
+      {Body{Box{0.1, 0.08, 0.05}, 1.0, m}},
+      {Plane<double>{{c, 0, c}, 0, m}, Plane<double>{{-c, 0, c}, 0, m}}};
+  SystemState<double, 1> y;
+  y[0].position = {0.021204915411445438, 0.0014494844310219638, 0.091932169581847994};
+  y[0].orientation = normalized(
+      Quat<double>{0.27063633583469271, -0.27055976338275833, -0.65326562263273413, 0.65329733999956219});
+  y[0].velocity = {-0.0024698500368139221, -0.0017474818964922493, 0.0024698499945170252};
+  y[0].angular_velocity = {-1.0237610759133986e-10, 0.034931178886051413, -3.0988103402740386e-10};
+  const double before = energy(system, y, {0, 0, -9.81});
+  for (const double step : {1e-3, 2e-3}) {
+    auto now = y;
+    simulate(system, now, Gravity{}, Rk4{}, {.step = step, .duration = step});
+    CHECK(energy(system, now, {0, 0, -9.81}) <= before + 1e-13);
+  }
+}
+
 TEST_CASE("edges that slide deeper while their face's points leave cost no events") {
   const Material<double> smooth{0, 0};
   const System<double, 2, Box<double>> system{

@@ -71,6 +71,8 @@ struct Simulated {
   /// One run on: fills `states` with the states 1, 2, ... horizons later. After a number that is not finite
   /// they stay as they were.
   void rollout(State y, const Wrenches& wrench, std::span<State> states) const {
+    if (!(options.duration > 0))
+      detail::refuse("duration of a simulation that predicts", "more than 0 s", options.duration);
     SimulationOptions all = options;
     all.duration = options.duration * static_cast<double>(states.size());
     all.sample_rate = 1 / options.duration;
@@ -90,10 +92,11 @@ template <class System, class Model, class Integrator>
 Simulated(System, Model, SimulationOptions, Integrator) -> Simulated<System, Model, Integrator>;
 
 /// Predictions for transitions first ... first + count - 1 (13 N x count), over `threads` threads (0:
-/// default_threads()).
+/// default_threads()). Error where there are no transitions of these numbers.
 template <class Data, class Predict>
 Eigen::MatrixXd predict_all(const Data& transitions, Eigen::Index first, Eigen::Index count,
                             const Predict& predict, int threads = 0) {
+  detail::check_span(transitions, first, count);
   Eigen::MatrixXd out(13 * Data::bodies, count);
   constexpr Eigen::Index block = 32;
   parallel_for((count + block - 1) / block, threads, [&](std::ptrdiff_t b) {
@@ -106,8 +109,10 @@ Eigen::MatrixXd predict_all(const Data& transitions, Eigen::Index first, Eigen::
 }
 
 /// Predicts for the first `count` transitions one by one, on one thread. `transitions` must outlive the call.
+/// Error where there are not so many.
 template <class Data, class Predict>
 TimedCall one_by_one(const Data& transitions, Eigen::Index count, const Predict& predict) {
+  detail::check_span(transitions, 0, count);
   return {[&transitions, count, predict] {
             double sum = 0;
             for (Eigen::Index c = 0; c < count; ++c)

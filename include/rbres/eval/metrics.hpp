@@ -29,7 +29,8 @@ struct Metrics {
   /// In the order of `relative`.
   double elementwise[4] = {};
   double energy = 0;       ///< ECE: mean |E - E_true| over the mean |E_true|, E kinetic and potential (z = 0)
-  double pearson = 0;      ///< r of predicted and true velocity components, transitions that had an impact
+  double pearson = 0;      ///< r of predicted and true velocity components, transitions that had an impact;
+                           ///< 0 where either does not vary
   double within_half = 0;  ///< share of them within 0.5 m/s
   long bodies = 0;         ///< bodies compared
   long collided = 0;       ///< of them in transitions that had an impact
@@ -57,6 +58,20 @@ inline double quantile(std::vector<double> values, double q) {
   return values[i] + (at - static_cast<double>(i)) * (next - values[i]);
 }
 
+/// Pearson's r of two lists of equal length; 0 where one of them does not vary beyond rounding.
+inline double correlation(const std::vector<double>& x, const std::vector<double>& y) {
+  const auto n = static_cast<double>(x.size());
+  double x_mean = 0, y_mean = 0, xx = 0, yy = 0, xy = 0;
+  for (std::size_t i = 0; i < x.size(); ++i) x_mean += x[i] / n, y_mean += y[i] / n;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const double a = x[i] - x_mean, b = y[i] - y_mean;
+    xx += a * a, yy += b * b, xy += a * b;
+  }
+  const double rounding = 1e-28 * n;
+  if (xx <= rounding * x_mean * x_mean || yy <= rounding * y_mean * y_mean) return 0;
+  return xy / std::sqrt(xx * yy);
+}
+
 /// The angle of the rotation between two orientations (x, y, z, w; of any length), exact for small ones too:
 /// four times Kahan's half angle between the quaternions.
 inline double degrees_between(const double* p, const double* q) {
@@ -71,10 +86,21 @@ inline double degrees_between(const double* p, const double* q) {
   return 4 * std::atan2(std::sqrt(difference), std::sqrt(sum)) * 180 / std::numbers::pi;
 }
 
+/// Error where `data` does not have transitions first ... first + count - 1.
+template <class Data>
+void check_span(const Data& data, std::ptrdiff_t first, std::ptrdiff_t count) {
+  if constexpr (requires { data.check(); }) data.check();
+  const std::ptrdiff_t all = data.count();
+  if (first < 0 || first > all || count < 0 || count > all - first)
+    refuse("transitions", text("some of ", all, ", the first of which is 0"),
+           text(count, ", the first of which is ", first));
+}
+
 template <class Data, class Predicted>
 void check_predictions(const Data& transitions, std::ptrdiff_t first, const Predicted& predicted) {
   if (predicted.rows() != 13 * Data::bodies)
     refuse("rows of predictions", text("13 for each of ", Data::bodies, " bodies"), predicted.rows());
+  if constexpr (requires { transitions.check(); }) transitions.check();
   if (first < 0 || predicted.cols() > static_cast<std::ptrdiff_t>(transitions.count()) - first)
     refuse("predictions", text("those of transitions 0 to ", transitions.count() - 1),
            text(first, " to ", first + predicted.cols() - 1));
@@ -85,10 +111,12 @@ void check_predictions(const Data& transitions, std::ptrdiff_t first, const Pred
 /// Compares predictions (13 N x n, column c for transition first + c) with the ends of `transitions`:
 /// Transitions of any world, or others with the same members. Energies are those of the system's bodies
 /// (mass, inertia) in its gravity (m/s^2); kinematic bodies have none. Error where truth is no state, and for
-/// predictions of another size; predictions that are not finite give metrics that are not.
+/// predictions of another size; predictions that are not finite, or whose quaternion has length 0, give
+/// metrics that are not.
 template <class Data, class Predicted, class System>
 Metrics measure(const Data& transitions, std::ptrdiff_t first, const Predicted& predicted,
                 const System& system, const Vec3<double>& gravity = {0, 0, -9.81}) {
+  static_assert(System::bodies == Data::bodies, "the system has another number of bodies");
   detail::check_predictions(transitions, first, predicted);
   struct Part {
     int start, size;
@@ -103,15 +131,16 @@ Metrics measure(const Data& transitions, std::ptrdiff_t first, const Predicted& 
   };
   Metrics m;
   std::vector<double> relative[4];
-  double energy_error = 0, energy = 0, sx = 0, sy = 0, sxx = 0, syy = 0, sxy = 0;
-  long pairs = 0, within = 0, elements[4] = {};
+  std::vector<double> true_velocities, guessed_velocities;
+  double energy_error = 0, energy = 0, within = 0;
+  long elements[4] = {};
   for (std::ptrdiff_t c = 0; c < predicted.cols(); ++c) {
     const bool collided = transitions.had_impact(first + c);
     const auto& end = transitions.end(first + c);
     for (int b = 0; b < transitions.present(first + c); ++b) {
       RigidState<double> true_state = end[b], guessed_state;
       double *truth = &true_state.position.x, *guess = &guessed_state.position.x;
-      std::copy_n(predicted.data() + c * predicted.rows() + 13 * b, 13, guess);
+      for (int i = 0; i < 13; ++i) guess[i] = static_cast<double>(predicted(13 * b + i, c));
       const bool finite = std::all_of(truth, truth + 13, [](double x) { return std::isfinite(x); });
       if (!finite || std::all_of(truth + 3, truth + 7, [](double x) { return x == 0; }))
         detail::refuse(detail::text("truth of transition ", first + c, ", body ", b),
@@ -143,9 +172,10 @@ Metrics measure(const Data& transitions, std::ptrdiff_t first, const Predicted& 
       ++m.collided;
       for (int i = 7; i < 10; ++i) {
         const double x = truth[i], y = guess[i];
-        sx += x, sy += y, sxx += x * x, syy += y * y, sxy += x * y;
-        within += std::abs(x - y) <= 0.5;
-        ++pairs;
+        true_velocities.push_back(x);
+        guessed_velocities.push_back(y);
+        within +=
+            std::isfinite(y) ? double(std::abs(x - y) <= 0.5) : std::numeric_limits<double>::quiet_NaN();
       }
     }
   }
@@ -159,10 +189,9 @@ Metrics measure(const Data& transitions, std::ptrdiff_t first, const Predicted& 
     m.elementwise[k] /= static_cast<double>(std::max(elements[k], 1L));
   }
   m.energy = energy_error / std::max(energy, 1e-300);
-  if (pairs > 1) {
-    const auto k = static_cast<double>(pairs);
-    m.pearson = (k * sxy - sx * sy) / std::sqrt(std::max((k * sxx - sx * sx) * (k * syy - sy * sy), 1e-300));
-    m.within_half = static_cast<double>(within) / k;
+  if (!true_velocities.empty()) {
+    m.pearson = detail::correlation(true_velocities, guessed_velocities);
+    m.within_half = within / static_cast<double>(true_velocities.size());
   }
   return m;
 }
@@ -180,8 +209,8 @@ Quartiles position_quartiles(const Data& transitions, std::ptrdiff_t first, cons
     const int present = transitions.present(first + c);
     double sum = 0;
     for (int b = 0; b < present; ++b) {
-      const double* guess = predicted.data() + c * predicted.rows() + 13 * b;
-      sum += squared_norm(Vec3<double>{guess[0], guess[1], guess[2]} - end[b].position) / 3;
+      const auto guess = [&](int i) { return static_cast<double>(predicted(13 * b + i, c)); };
+      sum += squared_norm(Vec3<double>{guess(0), guess(1), guess(2)} - end[b].position) / 3;
     }
     errors.push_back(sum / present);
   }

@@ -43,9 +43,15 @@ inline double thread_seconds() {
 
 /// Times calls side by side: in each round all of them in turn, so that whatever else the machine does
 /// disturbs all alike. A call that is over in less than `least` seconds is repeated within its turn. What
-/// calls do on other threads is not counted.
+/// calls do on other threads is not counted. Error for no rounds, and for calls without a function or
+/// scenarios.
 inline std::vector<Spread> time_side_by_side(const std::vector<TimedCall>& calls, int rounds,
                                              double least = 1e-3) {
+  if (rounds < 1) detail::refuse("rounds of timing", "at least 1", rounds);
+  for (const TimedCall& call : calls) {
+    if (!call.run) detail::refuse("call to time", "a function", "none");
+    if (!(call.scenarios > 0)) detail::refuse("scenarios of a timed call", "more than 0", call.scenarios);
+  }
   const auto seconds = [](const TimedCall& call, long repeats) {
     const double start = detail::thread_seconds();
     for (long i = 0; i < repeats; ++i) call.run();

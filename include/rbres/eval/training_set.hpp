@@ -41,19 +41,21 @@ class TrainingSet {
     encode(predictor, transitions, first_train, n, threads, normalization);
   }
 
-  /// Transitions first ... first + count - 1. The views hold while this set lives.
+  /// Transitions first ... first + count - 1, Error where there are none of these numbers. The views hold
+  /// while this set lives.
   Samples<T> samples(Eigen::Index first, Eigen::Index count) const {
+    if (first < 0 || first > inputs_.cols() || count < 0 || count > inputs_.cols() - first)
+      detail::refuse("samples", detail::text("some of ", inputs_.cols(), ", the first of which is 0"),
+                     detail::text(count, ", the first of which is ", first));
     const auto view = [&](const Columns& all) {
-      return ColumnsView<T>(all.col(first).data(), all.rows(), count);
+      return ColumnsView<T>(all.data() + first * all.rows(), all.rows(), count);
     };
     return {view(inputs_), view(targets_), view(weights_)};
   }
 
  private:
   static void check(const Transitions<Predictor::bodies>& transitions) {
-    if (transitions.ends.size() != transitions.starts.size())
-      detail::refuse("ends of transitions", detail::text(transitions.starts.size(), ", as many as starts"),
-                     transitions.ends.size());
+    transitions.check();
     for (std::size_t i = 0; i < transitions.starts.size(); ++i) {
       check_bodies("start", i, transitions.starts[i].state);
       check_bodies("end", i, transitions.ends[i]);

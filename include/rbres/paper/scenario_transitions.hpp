@@ -29,11 +29,28 @@ class ScenarioTransitions {
 
   double horizon;  ///< s
 
-  /// Horizon number h of the data; Error where it has no such.
+  /// Horizon number h of the data; Error where it has no such, and where parts of the data do not fit
+  /// together.
   ScenarioTransitions(const ScenarioData& data, std::size_t h)
       : horizon(h < data.horizons.size() ? data.horizons[h] : 0), data_(&data), h_(h) {
     if (h >= data.horizons.size())
       detail::refuse("horizon number", detail::text("less than ", data.horizons.size()), h);
+    const auto expect = [](const char* what, Eigen::Index wanted, Eigen::Index found) {
+      if (found != wanted) detail::refuse(what, detail::text(wanted), found);
+    };
+    expect("lists of states", std::ssize(data.horizons), std::ssize(data.states));
+    const Eigen::Index count = data.states[h].cols();
+    expect("rows of states", 13 * bodies, data.states[h].rows());
+    expect("rows of initial states", 13 * bodies, data.initial.rows());
+    expect("initial states", count, data.initial.cols());
+    expect("rows of wrenches", 6 * bodies, data.wrench.rows());
+    expect("wrenches", count, data.wrench.cols());
+    expect("body counts", count, std::ssize(data.body_count));
+    expect("first contacts", count, std::ssize(data.first_contact));
+    for (Eigen::Index c = 0; c < count; ++c) {
+      if (present(c) < 1 || present(c) > bodies)
+        detail::refuse(detail::text("bodies of scenario ", c), detail::text("1 to ", bodies), present(c));
+    }
   }
 
   /// How many scenarios there are.

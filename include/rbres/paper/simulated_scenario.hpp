@@ -18,7 +18,7 @@ struct SimulatedScenario {
   World world;                ///< what is around the bodies
   SimulationOptions options;  ///< options.duration is the horizon
 
-  /// The state `horizon` after y. Absent bodies stay.
+  /// The state `horizon` after y. Absent bodies stay. Error unless 3 to 5 are present.
   State operator()(const State& y, const Wrenches& wrench, int present) const {
     std::array<State, 1> next;
     rollout(y, wrench, next, present);
@@ -49,6 +49,7 @@ struct SimulatedScenario {
 template <BodySet Set>
 void SimulatedScenario<Set>::rollout(const State& y, const Wrenches& wrench, std::span<State> states,
                                      int present) const {
+  if (present < 3 || present > 5) detail::refuse("bodies of a scenario", "3 to 5", present);
   present == 3   ? run<3>(y, wrench, states)
   : present == 4 ? run<4>(y, wrench, states)
                  : run<5>(y, wrench, states);

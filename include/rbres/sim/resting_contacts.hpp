@@ -273,14 +273,26 @@ class RestingContacts {
       const MaskOf<S> moves = squared_norm(partner.velocity) + squared_norm(partner.angular_velocity) > S(0);
       driven = driven | (member & moves);
     }
-    S excess(0);
+    S excess(0), before(0);
     for (const int i : energy_.bodies()) {
       const auto& body = (*system_)[i];
       const S gained = contact[index(i)].work(y[i], flown[i], part) + kinetic_energy(body, end[i]) -
                        kinetic_energy(body, flown[i]);
       excess += select(members[index(i)], gained, S(0));
+      before += select(members[index(i)], kinetic_energy(body, y[i]), S(0));
     }
-    energy_.remove(*system_, end, select(driven, S(0), excess), members);
+    const S left = energy_.remove(*system_, end, select(driven, S(0), excess), members);
+    const MaskOf<S> too_far = left > S(0);
+    if (!any(too_far)) return;
+    // Bodies that were stopped get no farther than their energy takes them against the other forces.
+    const S share = before / select(too_far, S(before + left), S(1));
+    for (const int i : energy_.bodies()) {
+      const MaskOf<S> stays = too_far & members[index(i)];
+      const Vec3<S> way = share * (end[i].position - y[i].position);
+      const Vec3<S> turn = share * quaternion_log(end[i].orientation * y[i].orientation.conjugate());
+      end[i].position = select(stays, y[i].position + way, end[i].position);
+      end[i].orientation = select(stays, quaternion_exp(turn) * y[i].orientation, end[i].orientation);
+    }
   }
 
   const System* system_;

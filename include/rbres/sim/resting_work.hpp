@@ -130,11 +130,12 @@ class IslandEnergy {
 
   /// Takes `excess` (J) where it is positive: the island's motion is one that its contacts never resist (a
   /// rigid one, along the planes that it lies on), which carries the momentum that they conserve, and a
-  /// remainder without any, which shrinks. `moves`: the lanes in which a body belongs to it.
-  void remove(const System& system, State& y, const S& excess,
-              const std::array<MaskOf<S>, std::size_t(N)>& moves) const {
+  /// remainder without any, which shrinks. `moves`: the lanes in which a body belongs to it. Returns what of
+  /// it was left (J) in islands that may not move at all and have stopped, else zero.
+  S remove(const System& system, State& y, const S& excess,
+           const std::array<MaskOf<S>, std::size_t(N)>& moves) const {
     const MaskOf<S> taken = excess > S(0);
-    if (!any(taken)) return;
+    if (!any(taken)) return S(0);
     S mass(0);
     Vec3<S> momentum, centre;
     for (const int i : bodies_) {
@@ -180,6 +181,9 @@ class IslandEnergy {
       y[i].velocity -= here * shrinks.velocity;
       y[i].angular_velocity -= here * shrinks.angular_velocity;
     }
+    const S mobile = squared_norm(mobile_.x) + squared_norm(mobile_.y) + squared_norm(mobile_.z);
+    const MaskOf<S> fixed = mobile<as<S>(1e-6), no_turn = planes_> S(1);
+    return select(taken & fixed & no_turn, maximum(S(excess - remainder), S(0)), S(0));
   }
 
  private:

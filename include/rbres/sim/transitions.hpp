@@ -45,6 +45,14 @@ struct Transitions {
   const SystemState<double, N>& end(std::ptrdiff_t c) const { return ends[at(c)]; }
   /// Whether transition c is known to have had an impact.
   bool had_impact(std::ptrdiff_t c) const { return !collided.empty() && collided[at(c)]; }
+  /// Error where `ends` or `collided` are not as many as they must be.
+  void check() const {
+    if (ends.size() != starts.size())
+      detail::refuse("ends of transitions", detail::text(starts.size(), ", as many as starts"), ends.size());
+    if (!collided.empty() && collided.size() != starts.size())
+      detail::refuse("impacts of transitions", detail::text(starts.size(), ", as many as starts, or none"),
+                     collided.size());
+  }
 
  private:
   static std::size_t at(std::ptrdiff_t c) { return static_cast<std::size_t>(c); }
