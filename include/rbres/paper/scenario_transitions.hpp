@@ -46,7 +46,7 @@ class ScenarioTransitions {
     expect("rows of wrenches", 6 * bodies, data.wrench.rows());
     expect("wrenches", count, data.wrench.cols());
     expect("body counts", count, std::ssize(data.body_count));
-    expect("first contacts", count, std::ssize(data.first_contact));
+    if (!data.first_contact.empty()) expect("first contacts", count, std::ssize(data.first_contact));
     for (Eigen::Index c = 0; c < count; ++c) {
       if (present(c) < 1 || present(c) > bodies)
         detail::refuse(detail::text("bodies of scenario ", c), detail::text("1 to ", bodies), present(c));
@@ -63,9 +63,10 @@ class ScenarioTransitions {
   auto wrench(Eigen::Index c) const { return wrench_of(*data_, c); }
   /// Truth at the horizon.
   auto end(Eigen::Index c) const { return state_of(data_->states[h_], c, present(c)); }
-  /// Whether scenario c had an impact by the horizon.
+  /// Whether scenario c is known to have had an impact by the horizon.
   bool had_impact(Eigen::Index c) const {
-    return static_cast<double>(data_->first_contact[at(c)]) <= horizon + 1e-6;
+    return !data_->first_contact.empty() &&
+           static_cast<double>(data_->first_contact[at(c)]) <= horizon + 1e-6;
   }
 
  private:
