@@ -11,10 +11,10 @@
 ///     load_checkpoint("run.safetensors", trainer);              // goes on to the same bits
 ///     write_npy("inputs.npy", inputs);                          // columns are samples: (samples, features)
 ///     const auto inputs = read_npy<float>("inputs.npy");
-///     write_dataset("data", sampler, 100'000, horizons, {}, progress);  // stopped, it goes on where it was
-///     const auto data = read_dataset("data", sampler, 100'000, horizons);
-///     const auto scenes = read_trajectories("tosses");          // measured, or made by another engine
-///     write_trajectories("scenes", scenes);
+///     write_transitions("data", system, forces, Rk4{}, 100'000, start, {.duration = 0.2});  // goes on where
+///     const auto data = read_transitions("data", system, forces);                           // it was
+///     stopped const auto scenes = read_trajectories("tosses");          // measured, or made by another
+///     engine write_trajectories("scenes", scenes);
 #include <rbres/io/atomic_file.hpp>
 #include <rbres/io/checkpoint.hpp>
 #include <rbres/io/contact_law.hpp>
@@ -31,3 +31,4 @@
 #include <rbres/io/predictor.hpp>
 #include <rbres/io/safetensors.hpp>
 #include <rbres/io/trajectories.hpp>
+#include <rbres/io/transitions.hpp>

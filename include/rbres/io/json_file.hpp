@@ -13,10 +13,13 @@ namespace rbres::RBRES_ABI::detail {
 
 using Json = nlohmann::ordered_json;
 
+/// Bytes of the largest file that is read.
+inline constexpr std::size_t most_text = 1'000'000;
+
 /// The bytes of a file of at most a megabyte.
 inline std::string read_text(const std::filesystem::path& path) {
   const InputFile file(path);
-  if (file.size() > 1'000'000) refuse(path.string(), "at most a megabyte", file.size());
+  if (file.size() > most_text) refuse(path.string(), "at most a megabyte", file.size());
   std::string bytes(file.size(), '\0');
   file.read(0, bytes.data(), bytes.size());
   return bytes;

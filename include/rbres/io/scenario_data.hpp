@@ -8,11 +8,11 @@
 #include <utility>
 #include <vector>
 
-#include <rbres/io/folder_lock.hpp>
 #include <rbres/io/scenario_folder.hpp>
 
 /// @file
-/// Data sets on disk: a folder that anyone's NumPy reads. Arrays count scenarios first, in C order:
+/// Data sets of the paper's scenarios on disk: a folder that anyone's NumPy reads. Arrays count scenarios
+/// first, in C order:
 ///
 ///     initial.npy        float32 (n, 5, 13)   states at the start, body by body
 ///     wrench.npy         float32 (n, 5, 6)    force and torque on each body
@@ -29,84 +29,40 @@ namespace rbres::RBRES_ABI {
 
 namespace detail {
 
-/// The arrays of a data set of which the first `done` scenarios are written.
-class DatasetWriter {
- public:
-  DatasetWriter(const DatasetFolder& folder, const std::vector<double>& horizons, Eigen::Index count,
-                Eigen::Index done, const Json& digests)
-      : initial_(folder, "initial.npy", states, count, done, digests),
-        wrench_(folder, "wrench.npy", {ScenarioData::bodies, Wrench<float>::size}, count, done, digests),
-        body_count_(folder, "body_count.npy", {}, count, done, digests),
-        family_(folder, "family.npy", {}, count, done, digests),
-        first_contact_(folder, "first_contact.npy", {}, count, done, digests),
-        impacts_(folder, "impacts.npy", {std::ssize(horizons)}, count, done, digests) {
-    for (const double h : horizons)
-      states_.emplace_back(folder, DatasetFolder::state(h), states, count, done, digests);
-  }
+/// Adds the arrays of a data set at these horizons.
+inline void add_arrays(DatasetArrays& arrays, const std::vector<double>& horizons) {
+  const std::vector<Eigen::Index> states{ScenarioData::bodies, RigidState<float>::size};
+  arrays.add<float>("initial.npy", states);
+  arrays.add<float>("wrench.npy", {ScenarioData::bodies, Wrench<float>::size});
+  arrays.add<std::uint8_t>("body_count.npy", {});
+  arrays.add<std::uint8_t>("family.npy", {});
+  arrays.add<float>("first_contact.npy", {});
+  arrays.add<std::int32_t>("impacts.npy", {std::ssize(horizons)});
+  for (const double h : horizons) arrays.add<float>(state_file(h), states);
+}
 
-  /// Appends scenarios and waits until they are on the disk.
-  void append(const ScenarioData& data) {
-    initial_.append(data.initial);
-    wrench_.append(data.wrench);
-    for (std::size_t h = 0; h < states_.size(); ++h) states_[h].append(data.states[h]);
-    DatasetArray<std::uint8_t>::Columns family(1, data.count());
-    std::ranges::transform(data.family, family.data(), [](Family f) { return static_cast<std::uint8_t>(f); });
-    family_.append(family);
-    body_count_.append(
-        Eigen::Map<const DatasetArray<std::uint8_t>::Columns>(data.body_count.data(), 1, data.count()));
-    first_contact_.append(
-        Eigen::Map<const DatasetArray<float>::Columns>(data.first_contact.data(), 1, data.count()));
-    impacts_.append(data.impacts);
-    each([](auto& file) { file.flush(); });
-  }
-
-  void commit() {
-    each([](auto& file) { file.commit(); });
-  }
-
-  /// The digest of each file, by its name.
-  Json digests() {
-    Json all = Json::object();
-    each([&](const auto& file) { all[file.name()] = file.digest(); });
-    return all;
-  }
-
- private:
-  static inline const std::vector<Eigen::Index> states{ScenarioData::bodies, RigidState<float>::size};
-
-  template <class Do>
-  void each(const Do& act) {
-    act(initial_), act(wrench_), act(body_count_), act(family_), act(first_contact_), act(impacts_);
-    for (auto& file : states_) act(file);
-  }
-
-  DatasetArray<float> initial_, wrench_;
-  DatasetArray<std::uint8_t> body_count_, family_;
-  DatasetArray<float> first_contact_;
-  DatasetArray<std::int32_t> impacts_;
-  std::vector<DatasetArray<float>> states_;
-};
+/// Appends scenarios.
+inline void append_scenarios(DatasetArrays& arrays, const ScenarioData& data) {
+  const auto row = [&]<class T>(const char* name, const std::vector<T>& numbers) {
+    arrays.append(name, Eigen::Map<const typename DatasetArray<T>::Columns>(numbers.data(), 1, data.count()));
+  };
+  std::vector<std::uint8_t> family(data.family.size());
+  std::ranges::transform(data.family, family.begin(), [](Family f) { return static_cast<std::uint8_t>(f); });
+  arrays.append("initial.npy", data.initial);
+  arrays.append("wrench.npy", data.wrench);
+  row("body_count.npy", data.body_count);
+  row("family.npy", family);
+  row("first_contact.npy", data.first_contact);
+  arrays.append("impacts.npy", data.impacts);
+  for (std::size_t h = 0; h < data.horizons.size(); ++h)
+    arrays.append(state_file(data.horizons[h]), data.states[h]);
+}
 
 /// Error where a number is not one that a scenario may have: finite, and no more than 1e6 in SI units.
 inline void require_plausible(const std::filesystem::path& path, const ScenarioData::Columns& numbers) {
   for (Eigen::Index c = 0; c < numbers.cols(); ++c)
     for (const float x : numbers.col(c))
       if (!(std::abs(x) <= 1e6f)) refuse(text(path.string(), ": scenario ", c), "numbers up to 1e6", x);
-}
-
-/// The first `count` samples of an array of this shape, which must be the file that `description` means.
-template <class Scalar>
-auto read_samples(const DatasetFolder& folder, const std::string& name, std::vector<Eigen::Index> shape,
-                  Eigen::Index count, const Json& description) {
-  const auto path = folder.path() / name;
-  const NpyReader<Scalar> file(path);
-  if (file.shape() != shape)
-    refuse(path.string(), "the shape " + Json(shape).dump(), Json(file.shape()).dump());
-  const InputFile bytes(path);
-  Sha256 hash;
-  add_bytes(hash, bytes, 0, bytes.size());
-  require_digest(path, description["arrays"].value(name, ""), hash);
-  return file.read(0, count);
 }
 
 }  // namespace detail
@@ -122,35 +78,20 @@ void write_dataset(const std::filesystem::path& path, const ScenarioSampler<Set>
                    const std::vector<double>& horizons, const TruthOptions& options, Progress&& progress) {
   if (count < 1) detail::refuse("number of scenarios", "1 or more", count);
   detail::check_horizons(horizons, options.sample_rate);
-  const detail::DatasetFolder folder(path);
-  folder.make();
-  const FolderLock lock(path, "makes this data set");
-  const detail::Json setting = detail::dataset_setting(sampler, count, horizons, options);
-  if (!folder.described()) folder.write_description(setting, 0, detail::Json::object());
-  const detail::Json found = folder.read_description();
-  for (const auto& entry : setting.items()) folder.require(found, setting, entry.key());
-  auto done = found["done"].get<Eigen::Index>();
-  if (done < 0 || done > count || (done < count && done % detail::scenario_piece != 0))
-    detail::refuse(folder.text() + ": done", "scenarios done piece by piece", done);
-  // Other flags give other last bits, which must not be mixed. What is done may be read under any.
-  if (done > 0 && done < count) folder.require(found, {{"build", detail::dataset_build()}}, "build");
-  progress(done);
-  if (done == count) return;
-  detail::DatasetWriter files(folder, horizons, count, done, found["arrays"]);
-  while (done < count) {
-    const Eigen::Index size = std::min(detail::scenario_piece, count - done);
-    files.append(generate(sampler, static_cast<std::uint64_t>(done), size, horizons, options));
-    done += size;
-    if (done < count) folder.write_description(setting, done, files.digests());
-    progress(done);
-  }
-  files.commit();
-  folder.write_description(setting, count, files.digests());
+  detail::make_dataset(
+      {path, detail::scenario_kind}, detail::dataset_setting(sampler, count, horizons, options),
+      detail::Json::object(), {count, detail::scenario_piece, detail::scenario_piece},
+      [&](detail::DatasetArrays& arrays) { detail::add_arrays(arrays, horizons); },
+      [&](detail::DatasetArrays& arrays, Eigen::Index first, Eigen::Index size) {
+        detail::append_scenarios(
+            arrays, generate(sampler, static_cast<std::uint64_t>(first), size, horizons, options));
+      },
+      progress);
 }
 
 /// Whether the folder holds a data set of which all scenarios are done. Error where it holds a broken one.
 inline bool dataset_is_done(const std::filesystem::path& path) {
-  const detail::DatasetFolder folder(path);
+  const detail::DatasetFolder folder(path, detail::scenario_kind);
   if (!folder.described()) return false;
   const detail::Json found = folder.read_description();
   return found["done"] == found.value("scenarios", detail::Json());
@@ -163,7 +104,7 @@ template <BodySet Set>
 ScenarioData read_dataset(const std::filesystem::path& path, const ScenarioSampler<Set>& sampler,
                           Eigen::Index count, const std::vector<double>& horizons,
                           const TruthOptions& options = {}) {
-  const detail::DatasetFolder folder(path);
+  const detail::DatasetFolder folder(path, detail::scenario_kind);
   const detail::Json found = folder.read_description();
   const detail::Json setting = detail::dataset_setting(sampler, count, horizons, options);
   for (const auto& entry : setting.items())
@@ -195,7 +136,7 @@ ScenarioData read_dataset(const std::filesystem::path& path, const ScenarioSampl
     if (at == std::ssize(held))
       detail::refuse(folder.text() + ": horizons", detail::text("one of ", held), horizon);
     data.impacts.row(h) = impacts.row(at);
-    data.states.push_back(read_numbers(folder.state(horizon), 13));
+    data.states.push_back(read_numbers(detail::state_file(horizon), 13));
   }
   const auto first_contact = read("first_contact.npy", {n}, 0.0f);
   data.first_contact.assign(first_contact.data(), first_contact.data() + count);
