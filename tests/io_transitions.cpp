@@ -123,7 +123,8 @@ TEST_CASE("a piece that was cut or changed is not gone on with") {
   const TemporaryFolder folder;
   const auto path = folder / "half";
   CHECK_THROWS_AS(make(path, 24), Stop);
-  for (const auto& [name, bytes] : files(path)) {
+  for (const auto& entry : files(path)) {
+    const std::string &name = entry.first, &bytes = entry.second;
     if (name == "dataset.json") continue;
     CAPTURE(name);
     const auto refused = [&, file = path / name.c_str()](const std::string& changed, const char* why) {
@@ -269,7 +270,8 @@ TEST_CASE("other formats, kinds and builds, and broken files are refused with wh
       contains(error_of([&] { make(folder / "half"); }), "half: done: expected samples done piece by piece"));
 
   write_bytes(path / "dataset.json", valid);
-  for (const auto& [name, bytes] : before)
+  for (const auto& entry : before) {
+    const std::string &name = entry.first, &bytes = entry.second;
     for (const std::string& broken :
          {bytes.substr(0, bytes.size() / 2), bytes.substr(0, 100), std::string()}) {
       CAPTURE(name);
@@ -277,6 +279,7 @@ TEST_CASE("other formats, kinds and builds, and broken files are refused with wh
       CHECK(contains(read_error(path), (path / name.c_str()).string()));
       write_bytes(path / name.c_str(), bytes);
     }
+  }
 }
 
 TEST_CASE("hostile arrays are refused, whoever sealed them") {
