@@ -340,6 +340,19 @@ TEST_CASE("what friction stops in a groove has not climbed higher than its motio
   }
 }
 
+TEST_CASE("what overlaps the floor a little is pushed out, with friction or without") {
+  for (const double friction : {0.0, 0.3}) {
+    const Material<double> m{0.5, friction};
+    const System<double, 1, Box<double>> system{{Body{Box{0.1, 0.1, 0.1}, 1.0, m}}, {floor_plane(m)}};
+    for (const double depth : {5e-5, 1e-6, 1e-8}) {
+      SystemState<double, 1> y;
+      y[0].position.z = 0.1 - depth;
+      simulate(system, y, Gravity{}, Rk4{}, {.step = 1e-3, .duration = 1});
+      CHECK(std::abs(y[0].position.z - 0.1) < 1e-10);
+    }
+  }
+}
+
 TEST_CASE("edges that slide deeper while their face's points leave cost no events") {
   const Material<double> smooth{0, 0};
   const System<double, 2, Box<double>> system{

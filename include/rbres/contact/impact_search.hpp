@@ -81,7 +81,7 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
     const MaskOf<S> came = pair.speed[i]<S(0), leaves = later> S(0);
     dips = dips | (counts[i] & came & leaves);
     // A point that has just left is apart when gravity has turned it round, if that comes soon.
-    const MaskOf<S> leaving = counts[i] & pair.touching[i];
+    const MaskOf<S> counts_here = counts[i], leaving = counts_here & pair.touching[i];
     const S slowed = maximum(S(pair.speed[i] - later), S(Constants<S>::tiny));
     const S turn = part * clamp(S(pair.speed[i] / slowed), as<S>(1e-3), S(1));
     approach.first_look = select(leaving, minimum(approach.first_look, turn), approach.first_look);

@@ -262,11 +262,14 @@ class RestingContacts {
                     const std::array<MaskOf<S>, std::size_t(N)>& members, const State& y, const State& flown,
                     const Forces& contact, const S& part, State& end) {
     energy_.start();
-    MaskOf<S> driven(false);  // by a kinematic body, whose contacts do any work
+    MaskOf<S> driven(false);    // by a kinematic body, whose contacts do any work
+    MaskOf<S> overlaps(false);  // and is pushed apart, which is work, too
     for (const std::size_t k : island) {
       const Pair& pair = pairs[k];
       const MaskOf<S> member = pair.any_resting & members[index(pair.moved.second)];
       energy_.add(pair.moved, at_end_[k].normal, pair.surface.friction, member);
+      const MaskOf<S> deep = pair.manifold.separation < as<S>(-0.01) * pair.touch;
+      overlaps = overlaps | (member & deep);
       if (pair.moved.first >= 0 || pair.plane()) continue;
       const RigidState<S>& partner =
           y[pair.moved.second == pair.who.first ? pair.who.second : pair.who.first];
@@ -282,7 +285,7 @@ class RestingContacts {
       before += select(members[index(i)], kinetic_energy(body, y[i]), S(0));
     }
     const S left = energy_.remove(*system_, end, select(driven, S(0), excess), members);
-    const MaskOf<S> too_far = left > S(0);
+    const MaskOf<S> more = left > S(0), too_far = more & !overlaps;
     if (!any(too_far)) return;
     // Bodies that were stopped get no farther than their energy takes them against the other forces.
     const S share = before / select(too_far, S(before + left), S(1));
