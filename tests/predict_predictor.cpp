@@ -355,17 +355,29 @@ TEST_CASE("the contact-free flow of bodies of any kinds is that of each alone") 
       Body<double>(Box{0.3, 0.2, 0.1}, 1.5, tensor), Body<double>::kinematic(Box{1.0, 1.0, 0.1})};
   const State start = random_state<State>(3);
   const auto w = random_wrenches();
-  for (const double density : {0.0, 50.0}) {
-    const FreeFlow<5> all{System<double, 5>(bodies), Gravity{}, {.density = density}, {0.1, 0.2}};
+  // Each resistance alone, all, and none.
+  for (const auto& [density, linear, angular] :
+       {std::array{0.0, 0.0, 0.0}, std::array{50.0, 0.0, 0.0}, std::array{0.0, 0.1, 0.0},
+        std::array{0.0, 0.0, 0.2}, std::array{50.0, 0.1, 0.2}}) {
+    CAPTURE(density);
+    CAPTURE(linear);
+    CAPTURE(angular);
+    const FluidFriction<double> fluid{.density = density};
+    const Damping<double> damping{linear, angular};
+    const FreeFlow<5> all{System<double, 5>(bodies), Gravity{}, fluid, damping};
     const State together = all(start, w, 0.31);
     for (int b = 0; b < 5; ++b) {
       CAPTURE(b);
-      const FreeFlow<1> alone{System<double, 1>({bodies[static_cast<std::size_t>(b)]}),
-                              Gravity{},
-                              {.density = density},
-                              {0.1, 0.2}};
-      const auto one = alone(SystemState<double, 1>{{start[b]}}, {w[static_cast<std::size_t>(b)]}, 0.31);
-      CHECK((one[0].vector() - together[b].vector()).norm() < 1e-12);
+      const FreeFlow<1> flow{System<double, 1>({bodies[static_cast<std::size_t>(b)]}), Gravity{}, fluid,
+                             damping};
+      const std::array own{w[static_cast<std::size_t>(b)]};
+      const SystemState<double, 1> from{{start[b]}};
+      const auto alone = flow(from, own, 0.31);
+      CHECK((alone[0].vector() - together[b].vector()).norm() < 1e-12);
+      auto flown = from;
+      const Forces forces{Gravity{}, fluid, damping, ConstantWrench<double, 1>{own}};
+      for (int k = 0; k < 16; ++k) flown = fly(flow.system, forces, Rk4{}, flown, 0.0, 0.31 / 16);
+      CHECK((flown.vector() - alone.vector()).norm() < 1e-12);
     }
   }
 }
