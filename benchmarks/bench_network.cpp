@@ -1,5 +1,6 @@
 /// The paper's network, 95 -> 256 -> K blocks -> 65, float: inference and training in rbres and, where their
-/// packages are found, in libtorch and oneDNN, whose rows stand in network_peers_*.cpp.
+/// packages are found, in libtorch and oneDNN, whose rows stand in network_peers_*.cpp. A whole predictor's
+/// rows stand in network_predictor.cpp.
 #include <cstdio>
 #include <memory>
 
