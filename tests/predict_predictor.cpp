@@ -250,6 +250,35 @@ TEST_CASE("samples are encoded, normalised, and without weight where a body is a
   }
 }
 
+TEST_CASE("what no transition varies is not left to what the network says of it") {
+  Transitions<2> data{0.1, {}, {}};
+  for (std::size_t i = 0; i < 20; ++i) {
+    Random random(4, i);
+    Start<2> start;
+    SystemState<double, 2> end;
+    for (int b = 0; b < 2; ++b) {
+      end[b].position = {random.normal(), 1e-7 * random.normal(), 0.05};
+      end[b].velocity = {2, random.normal(), 0};
+    }
+    data.starts.push_back(start);
+    data.ends.push_back(end);
+  }
+  using Net = Network<float, Sequential<Linear<38, 26>>>;
+  Predictor<Net, 2> p{Net(1), {}, {}, {System<double, 2>::of(Body{Sphere{0.1}, 1.0})}, Target::state};
+  const TrainingSet<Predictor<Net, 2>> set(p, data, 0, 20);
+  const auto& deviation = p.output.deviation;
+  for (const int body : {0, 13}) {
+    CHECK(deviation[body] > 0.5f);
+    const float most = std::max(deviation[0], deviation[13]);
+    for (const int i : {1, 2}) CHECK(deviation[body + i] == doctest::Approx(most / 1000));
+    for (const int i : {3, 4, 5, 6, 10, 11, 12}) CHECK(deviation[body + i] == 1e-6f);
+    CHECK(deviation[body + 7] == doctest::Approx(std::max(deviation[8], deviation[21]) / 1000));
+  }
+  CHECK(p.input.deviation == decltype(p.input.deviation)::Ones());  // another start stays of its size
+  auto said = Net::Output::Constant(0.1f).eval();
+  CHECK(std::abs(p.decode(data.starts[0].state, {}, said, 2)[0].position.z - 0.05) < 2e-4);
+}
+
 TEST_CASE("transitions of one's own world train a predictor") {
   const Material<double> rubber{.restitution = 0.9, .friction = 0.2};
   const System<double, 2, Sphere<double>> world{

@@ -95,7 +95,7 @@ class TrainingSet {
           [&](Eigen::Index r, Eigen::Index c) { return r < 19 * source.present(first_train + c); });
       predictor.output = Normalizer<T, Code::outputs>::fit(
           targets_.rightCols(n - first_train),
-          [&](Eigen::Index r, Eigen::Index c) { return r < 13 * source.present(first_train + c); });
+          [&](Eigen::Index r, Eigen::Index c) { return r < 13 * source.present(first_train + c); }, T(0));
       quieten(predictor.output.deviation);
     }
     each_block(n, threads, [&](Eigen::Index c) {
@@ -107,19 +107,20 @@ class TrainingSet {
   }
 
   /// A number that varies less than a thousandth as much as others of its kind (positions, orientations,
-  /// velocities, spins) is noise of the simulation: it counts as if it varied so much. Those that do not vary
-  /// have a deviation of 1.
+  /// velocities, spins), or not at all, counts as if it varied so much: it is noise of the simulation, and
+  /// what the network says of it, which is never quite nothing, must weigh as little. Where no number of a
+  /// kind varies, all count as if they varied by 1e-6 (SI).
   static void quieten(Eigen::Matrix<T, Code::outputs, 1>& deviation) {
     constexpr int kinds[] = {0, 3, 7, 10, 13};
     for (int k = 0; k < 4; ++k) {
       const auto each = [&](const auto& f) {
         for (int b = 0; b < Predictor::bodies; ++b)
-          for (int i = kinds[k]; i < kinds[k + 1]; ++i)
-            if (T& d = deviation[13 * b + i]; d != T(1)) f(d);
+          for (int i = kinds[k]; i < kinds[k + 1]; ++i) f(deviation[13 * b + i]);
       };
       T most(0);
       each([&](T& d) { most = std::max(most, d); });
-      each([&](T& d) { d = std::max(d, most / 1000); });
+      const T least = most > T(0) ? most / 1000 : T(1e-6);
+      each([&](T& d) { d = std::max(d, least); });
     }
   }
 

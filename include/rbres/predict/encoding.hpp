@@ -74,10 +74,12 @@ struct Normalizer {
   Vector deviation = Vector::Ones();
 
   /// Mean and standard deviation of each row of `columns` over the columns where `present`(row, column)
-  /// holds. A row that does not vary keeps deviation 1.
+  /// holds. A row that does not vary gets the deviation `constant`.
   template <class Derived, class Present>
-  static Normalizer fit(const Eigen::MatrixBase<Derived>& columns, const Present& present) {
+  static Normalizer fit(const Eigen::MatrixBase<Derived>& columns, const Present& present,
+                        const T& constant = T(1)) {
     Normalizer fitted;
+    fitted.deviation.setConstant(constant);
     for (Eigen::Index r = 0; r < Size; ++r) {
       double sum = 0, squares = 0;
       long count = 0;
