@@ -49,7 +49,7 @@ int main(int argc, char** argv) {
   for (std::size_t i = 0; i < 300; ++i) states[i] = test.starts[i].state, wrenches[i] = test.starts[i].wrench;
   Boxes::Batch batch(300);
   double error = 0;
-  for (const std::uint64_t seed : {1, 2, 3}) {
+  for (const std::uint64_t seed : {1u, 2u, 3u}) {
     Boxes predictor{Net(seed), {}, {}, {world, Gravity{}, {.density = 0}}};
     train_predictor(predictor, simulated(seed, 6000, truth),
                     {.epochs = 60, .schedule = {.kind = Schedule::Kind::cosine, .initial = 3e-3}, .l2 = 0});

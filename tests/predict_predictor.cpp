@@ -384,15 +384,13 @@ TEST_CASE("the contact-free flow of bodies of any kinds is that of each alone") 
       Body<double>(Box{0.3, 0.2, 0.1}, 1.5, tensor), Body<double>::kinematic(Box{1.0, 1.0, 0.1})};
   const State start = random_state<State>(3);
   const auto w = random_wrenches();
-  // Each resistance alone, all, and none.
-  for (const auto& [density, linear, angular] :
-       {std::array{0.0, 0.0, 0.0}, std::array{50.0, 0.0, 0.0}, std::array{0.0, 0.1, 0.0},
-        std::array{0.0, 0.0, 0.2}, std::array{50.0, 0.1, 0.2}}) {
-    CAPTURE(density);
-    CAPTURE(linear);
-    CAPTURE(angular);
-    const FluidFriction<double> fluid{.density = density};
-    const Damping<double> damping{linear, angular};
+  // Each resistance alone, with others, and none.
+  const std::array<FluidFriction<double>, 2> fluids{{{.density = 0}, {.density = 50}}};
+  const std::array<Damping<double>, 4> dampings{{{0, 0}, {0.1, 0}, {0, 0.2}, {0.1, 0.2}}};
+  for (int k = 0; k < 8; ++k) {
+    CAPTURE(k);
+    const FluidFriction<double>& fluid = fluids[std::size_t(k / 4)];
+    const Damping<double>& damping = dampings[std::size_t(k % 4)];
     const FreeFlow<5> all{System<double, 5>(bodies), Gravity{}, fluid, damping};
     const State together = all(start, w, 0.31);
     for (int b = 0; b < 5; ++b) {
@@ -405,7 +403,7 @@ TEST_CASE("the contact-free flow of bodies of any kinds is that of each alone") 
       CHECK((alone[0].vector() - together[b].vector()).norm() < 1e-12);
       auto flown = from;
       const Forces forces{Gravity{}, fluid, damping, ConstantWrench<double, 1>{own}};
-      for (int k = 0; k < 16; ++k) flown = fly(flow.system, forces, Rk4{}, flown, 0.0, 0.31 / 16);
+      for (int step = 0; step < 16; ++step) flown = fly(flow.system, forces, Rk4{}, flown, 0.0, 0.31 / 16);
       CHECK((flown.vector() - alone.vector()).norm() < 1e-12);
     }
   }

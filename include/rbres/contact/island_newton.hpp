@@ -198,8 +198,8 @@ class IslandNewton {
   /// was.
   S step_length() const {
     const auto [rise, bend] = equations_.kinetic_slope();
-    const auto slope = [&, rise = rise, bend = bend](const S& length) {
-      S sum = rise + length * bend;
+    const auto slope = [&, start = rise, change = bend](const S& length) {
+      S sum = start + length * change;
       for (const RowState& r : rows_) {
         const Three p = project(r, length);
         for (std::size_t d = 0; d < 3; ++d)
