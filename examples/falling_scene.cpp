@@ -1,4 +1,5 @@
-// Spheres, boxes and capsules fall on a floor, bounce, and settle.
+// Spheres, boxes and capsules fall on a floor, bounce, and settle. Prints the height of each and the greatest
+// speed, ten times a second.
 #include <cstdio>
 #include <rbres/rbres.hpp>
 

@@ -1,11 +1,11 @@
+// Fits a network to a function of two variables. Prints the loss as it falls, and a value beside the
+// network's.
 #include <rbres/nn/nn.hpp>
 
 #include <cmath>
 #include <cstdio>
 
 #include "common/help.hpp"
-
-// Fits a network to a function of two variables, and prints the loss as it falls.
 
 using namespace rbres;
 

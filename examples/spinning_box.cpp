@@ -1,4 +1,5 @@
 // The Dzhanibekov effect: a box spun about its middle axis, with nothing touching it, keeps flipping over.
+// Prints its spin about that axis over 20 s.
 #include <cstdio>
 #include <rbres/rbres.hpp>
 
