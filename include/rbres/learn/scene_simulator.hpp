@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <concepts>
 #include <optional>
 #include <rbres/learn/scene_step.hpp>
 #include <rbres/learn/scene_system.hpp>
@@ -105,8 +106,9 @@ class SceneSimulator {
   SceneSimulator(const SceneSimulator&) = delete;
   SceneSimulator& operator=(const SceneSimulator&) = delete;
 
-  /// One frame on. Allocates nothing.
-  void operator()(SceneState& state) {
+  /// One frame on. Allocates nothing. A template, so that only programs that call it compile the contacts.
+  template <std::same_as<SceneState> State>
+  void operator()(State& state) {
     for (int k = 0; k < step_.steps; ++k) {
       before_ = state;
       detail::fly_on(step_.velocity, system_, forces_, state, h_);
