@@ -25,9 +25,10 @@ int main(int argc, char** argv) {
     }
     return s;
   };
-  const auto simulated = [&](std::uint64_t seed, std::ptrdiff_t count, const SimulationOptions& how) {
+  const auto simulated = [&](std::uint64_t seed, std::ptrdiff_t count, const SimulationOptions& how,
+                             int threads = 0) {
     return simulate_transitions(
-        world, Gravity{}, Rk4{}, count, [&](auto i) { return start(seed, i); }, how, 1);
+        world, Gravity{}, Rk4{}, count, [&](auto i) { return start(seed, i); }, how, threads);
   };
   const SimulationOptions truth{.step = 2e-3, .duration = 0.2};
   const auto test = simulated(0, 300, truth);
@@ -40,7 +41,7 @@ int main(int argc, char** argv) {
   };
   const SimulationOptions coarse{.step = 2e-2, .duration = 0.2, .contacts = ContactMode::discrete};
   row("discrete contacts, 20 ms", Simulated{world, Gravity{}, coarse},
-      {[&] { simulated(0, 300, coarse); }, 300});
+      {[&] { simulated(0, 300, coarse, 1); }, 300});
 
   using Net = Network<float, Sequential<Linear<38, 128>, Relu, Linear<128, 128>, Relu, Linear<128, 26>>>;
   using Boxes = Predictor<Net, 2>;
