@@ -156,7 +156,7 @@ void parallel_team(int threads, const Body& body) {
 #if RBRES_HAS_THREADS
   if (const int asked = threads > 0 ? threads : default_threads(); asked > 1) {
     Team::Shared shared;
-    const auto run = [&](int index) noexcept {
+    const auto run = [&](int index) {
       const auto work = [&] { body(Team(index, shared.size.load(std::memory_order_relaxed), shared)); };
       detail::attempt(work, [&] { shared.exception.keep(); });
     };
