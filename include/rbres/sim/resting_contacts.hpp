@@ -195,7 +195,8 @@ class RestingContacts {
       rows_.solve(motion, MaskOf<S>(true));
     }
     State end = with_velocities(flown, motion, [&](int i) { return rests_[index(i)]; });
-    bound_energy(pairs, y, flown, contact, part, end);
+    for (std::size_t island = 0; island < islands_.count(); ++island)
+      energy_.bound(*system_, pairs, islands_[island], at_end_, rests_, {y, flown, contact, part}, end);
     return end;
   }
 
@@ -237,65 +238,6 @@ class RestingContacts {
   /// The least speed (m/s) at which a resting point is to leave: gaps close slowly, overlaps open slowly.
   static S closing(const typename Pair::Contact& contact, std::size_t i, const S& pull) {
     return -pull * contact.gap[i];
-  }
-
-  /// Resting contacts do no work but that of friction, which is never positive: what their forces did too
-  /// much from y to `flown`, and the impulses from there to `end`, is taken out of the islands' motion again.
-  /// Where a kinematic body drives an island, its contacts may do any work.
-  void bound_energy(const Pairs& pairs, const State& y, const State& flown, const Forces& contact,
-                    const S& part, State& end) {
-    for (std::size_t island = 0; island < islands_.count(); ++island) {
-      if constexpr (!Packed<S>) {
-        bound_energy(pairs, islands_[island], rests_, y, flown, contact, part, end);
-      } else {  // one group of pairs, in which each lane has islands of its own
-        const auto name = lane_islands(pairs, islands_[island]);
-        for (int i = 0; i < N; ++i) {
-          std::array<MaskOf<S>, std::size_t(N)> members;
-          for (int j = 0; j < N; ++j)
-            members[index(j)] = rests_[index(j)] & (name[index(j)] == as<S>(double(i)));
-          bound_energy(pairs, islands_[island], members, y, flown, contact, part, end);
-        }
-      }
-    }
-  }
-  void bound_energy(const Pairs& pairs, std::span<const std::size_t> island,
-                    const std::array<MaskOf<S>, std::size_t(N)>& members, const State& y, const State& flown,
-                    const Forces& contact, const S& part, State& end) {
-    energy_.start();
-    MaskOf<S> driven(false);    // by a kinematic body, whose contacts do any work
-    MaskOf<S> overlaps(false);  // and is pushed apart, which is work, too
-    for (const std::size_t k : island) {
-      const Pair& pair = pairs[k];
-      const MaskOf<S> member = pair.any_resting & members[index(pair.moved.second)];
-      energy_.add(pair.moved, at_end_[k].normal, pair.surface.friction, member);
-      const MaskOf<S> deep = pair.manifold.separation < as<S>(-0.01) * pair.touch;
-      overlaps = overlaps | (member & deep);
-      if (pair.moved.first >= 0 || pair.plane()) continue;
-      const RigidState<S>& partner =
-          y[pair.moved.second == pair.who.first ? pair.who.second : pair.who.first];
-      const MaskOf<S> moves = squared_norm(partner.velocity) + squared_norm(partner.angular_velocity) > S(0);
-      driven = driven | (member & moves);
-    }
-    S excess(0), before(0);
-    for (const int i : energy_.bodies()) {
-      const auto& body = (*system_)[i];
-      const S gained = contact[index(i)].work(y[i], flown[i], part) + kinetic_energy(body, end[i]) -
-                       kinetic_energy(body, flown[i]);
-      excess += select(members[index(i)], gained, S(0));
-      before += select(members[index(i)], kinetic_energy(body, y[i]), S(0));
-    }
-    const S left = energy_.remove(*system_, end, select(driven, S(0), excess), members);
-    const MaskOf<S> more = left > S(0), too_far = more & !overlaps;
-    if (!any(too_far)) return;
-    // Bodies that were stopped get no farther than their energy takes them against the other forces.
-    const S share = before / select(too_far, S(before + left), S(1));
-    for (const int i : energy_.bodies()) {
-      const MaskOf<S> stays = too_far & members[index(i)];
-      const Vec3<S> way = share * (end[i].position - y[i].position);
-      const Vec3<S> turn = share * quaternion_log(end[i].orientation * y[i].orientation.conjugate());
-      end[i].position = select(stays, y[i].position + way, end[i].position);
-      end[i].orientation = select(stays, quaternion_exp(turn) * y[i].orientation, end[i].orientation);
-    }
   }
 
   const System* system_;

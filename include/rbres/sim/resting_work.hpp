@@ -81,16 +81,90 @@ void add_paired_force(const Row& row, const Point& point, const State& y, const 
   contact[first].bend -= bend;
 }
 
-/// Contact forces that are constant over a part are of second order: they may do work that contacts cannot
-/// do. This takes such energy out of the motion of an island again.
+/// Resting contacts do no work but that of friction, which is never positive. Their forces, constant over a
+/// part of a step, are of second order: they may do work that contacts cannot do. This takes such energy out
+/// of the motion of an island again.
 template <class System>
 class IslandEnergy {
   using S = typename System::Scalar;
   using State = typename System::State;
+  using Pairs = Reserved<ContactPair<System>>;
+  using Contacts = Reserved<typename ContactPair<System>::Contact>;
   static constexpr int N = System::bodies;
+  using Members = std::array<MaskOf<S>, std::size_t(N)>;
 
  public:
+  /// The part that has passed.
+  struct Part {
+    const State& y;      ///< where it begins
+    const State& flown;  ///< where the contacts' forces have taken the bodies
+    const std::array<RestingForce<S>, std::size_t(N)>& contact;
+    const S& seconds;
+  };
+
   IslandEnergy() { bodies_.reserve(N); }
+
+  /// Takes out of `end` what the forces did too much from y to `flown`, and the impulses from there to `end`.
+  /// Where a kinematic body drives the island, its contacts may do any work. `at_end`: how its pairs meet
+  /// there; `rests`: where bodies have resting contacts.
+  void bound(const System& system, const Pairs& pairs, std::span<const std::size_t> island,
+             const Contacts& at_end, const Members& rests, const Part& part, State& end) {
+    if constexpr (!Packed<S>) {
+      bound_members(system, pairs, island, at_end, rests, part, end);
+    } else {  // one group of pairs, in which each lane has islands of its own
+      const auto name = lane_islands(pairs, island);
+      for (int i = 0; i < N; ++i) {
+        Members members;
+        for (std::size_t j = 0; j < members.size(); ++j)
+          members[j] = rests[j] & (name[j] == as<S>(double(i)));
+        bound_members(system, pairs, island, at_end, members, part, end);
+      }
+    }
+  }
+
+ private:
+  static std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+  /// The same for the island of `members`.
+  void bound_members(const System& system, const Pairs& pairs, std::span<const std::size_t> island,
+                     const Contacts& at_end, const Members& members, const Part& part, State& end) {
+    start();
+    MaskOf<S> driven(false);    // by a kinematic body, whose contacts do any work
+    MaskOf<S> overlaps(false);  // and is pushed apart, which is work, too
+    for (const std::size_t k : island) {
+      const auto& pair = pairs[k];
+      const MaskOf<S> member = pair.any_resting & members[index(pair.moved.second)];
+      add(pair.moved, at_end[k].normal, pair.surface.friction, member);
+      const MaskOf<S> deep = pair.manifold.separation < as<S>(-0.01) * pair.touch;
+      overlaps = overlaps | (member & deep);
+      if (pair.moved.first >= 0 || pair.plane()) continue;
+      const RigidState<S>& partner =
+          part.y[pair.moved.second == pair.who.first ? pair.who.second : pair.who.first];
+      const MaskOf<S> moves = squared_norm(partner.velocity) + squared_norm(partner.angular_velocity) > S(0);
+      driven = driven | (member & moves);
+    }
+    S excess(0), before(0);
+    for (const int i : bodies_) {
+      const auto& body = system[i];
+      const S gained = part.contact[index(i)].work(part.y[i], part.flown[i], part.seconds) +
+                       kinetic_energy(body, end[i]) - kinetic_energy(body, part.flown[i]);
+      excess += select(members[index(i)], gained, S(0));
+      before += select(members[index(i)], kinetic_energy(body, part.y[i]), S(0));
+    }
+    const S left = remove(system, end, select(driven, S(0), excess), members);
+    const MaskOf<S> more = left > S(0), too_far = more & !overlaps;
+    if (!any(too_far)) return;
+    // Bodies that were stopped get no farther than their energy takes them against the other forces.
+    const S share = before / select(too_far, S(before + left), S(1));
+    for (const int i : bodies_) {
+      const RigidState<S>& from = part.y[i];
+      const MaskOf<S> stays = too_far & members[index(i)];
+      const Vec3<S> way = share * (end[i].position - from.position);
+      const Vec3<S> turn = share * quaternion_log(end[i].orientation * from.orientation.conjugate());
+      end[i].position = select(stays, from.position + way, end[i].position);
+      end[i].orientation = select(stays, quaternion_exp(turn) * from.orientation, end[i].orientation);
+    }
+  }
 
   /// Begins an island.
   void start() {
@@ -126,14 +200,11 @@ class IslandEnergy {
     planes_ = select(sticks, S(2), planes_);
   }
 
-  std::span<const int> bodies() const { return {bodies_.data(), bodies_.size()}; }
-
   /// Takes `excess` (J) where it is positive: the island's motion is one that its contacts never resist (a
   /// rigid one, along the planes that it lies on), which carries the momentum that they conserve, and a
   /// remainder without any, which shrinks. `moves`: the lanes in which a body belongs to it. Returns what of
   /// it was left (J) in islands that may not move at all and have stopped, else zero.
-  S remove(const System& system, State& y, const S& excess,
-           const std::array<MaskOf<S>, std::size_t(N)>& moves) const {
+  S remove(const System& system, State& y, const S& excess, const Members& moves) const {
     const MaskOf<S> taken = excess > S(0);
     if (!any(taken)) return S(0);
     S mass(0);
@@ -186,7 +257,6 @@ class IslandEnergy {
     return select(taken & fixed & no_turn, maximum(S(excess - remainder), S(0)), S(0));
   }
 
- private:
   Reserved<int> bodies_;
   std::array<bool, std::size_t(N)> listed_;
   Mat3<S> mobile_;  ///< projects on the velocities that no plane of the island resists
