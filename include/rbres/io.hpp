@@ -11,10 +11,10 @@
 ///     load_checkpoint("run.safetensors", trainer);              // goes on to the same bits
 ///     write_npy("inputs.npy", inputs);                          // columns are samples: (samples, features)
 ///     const auto inputs = read_npy<float>("inputs.npy");
-///     write_transitions("data", system, forces, Rk4{}, 100'000, start, {.duration = 0.2});  // goes on where
-///     const auto data = read_transitions("data", system, forces);                           // it was
-///     stopped const auto scenes = read_trajectories("tosses");          // measured, or made by another
-///     engine write_trajectories("scenes", scenes);
+///     write_transitions("data", system, forces, Rk4{}, 100'000, start, {.duration = 0.2});  // resumes
+///     const auto data = read_transitions("data", system, forces);
+///     const auto scenes = read_trajectories("tosses");  // measured, or of another simulator
+///     write_trajectories("scenes", scenes);
 #include <rbres/io/atomic_file.hpp>
 #include <rbres/io/checkpoint.hpp>
 #include <rbres/io/contact_law.hpp>

@@ -76,12 +76,13 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
       pair.size};
   MaskOf<S> dips(!pair.fixed_points());
   for (std::size_t i = 0; i < P; ++i) {
-    if (!pair.fixed_points() || !any(counts[i])) continue;
+    const MaskOf<S>& counted_here = counts[i];
+    if (!pair.fixed_points() || !any(counted_here)) continue;
     const S later = pair.opening(after, i, end_motion);
     const MaskOf<S> came = pair.speed[i]<S(0), leaves = later> S(0);
-    dips = dips | (counts[i] & came & leaves);
+    dips = dips | (counted_here & came & leaves);
     // A point that has just left is apart when gravity has turned it round, if that comes soon.
-    const MaskOf<S> counts_here = counts[i], leaving = counts_here & pair.touching[i];
+    const MaskOf<S> leaving = counted_here & pair.touching[i];
     const S slowed = maximum(S(pair.speed[i] - later), S(Constants<S>::tiny));
     const S turn = part * clamp(S(pair.speed[i] / slowed), as<S>(1e-3), S(1));
     approach.first_look = select(leaving, minimum(approach.first_look, turn), approach.first_look);

@@ -3,6 +3,7 @@
 #include <array>
 #include <atomic>
 #include <charconv>
+#include <cstddef>
 #include <cstdio>
 #include <cstdlib>
 #include <rbres/core/abi.hpp>
@@ -74,6 +75,14 @@ void attempt(const F& f, [[maybe_unused]] const Otherwise& otherwise) {
 template <class Found>
 [[noreturn]] void refuse(std::string_view what, std::string_view expected, const Found& found) {
   fail(text(what, ": expected ", expected, ", found ", found));
+}
+
+/// Error where `all` things do not have the numbers first ... first + count - 1.
+inline void check_range(std::string_view things, std::ptrdiff_t all, std::ptrdiff_t first,
+                        std::ptrdiff_t count) {
+  if (first < 0 || first > all || count < 0 || count > all - first)
+    refuse(things, text("some of ", all, ", the first of which is 0"),
+           text(count, ", the first of which is ", first));
 }
 
 /// Calls f(); what it refuses begins with who(), such as "plane 1, ", which says whose fault it is. Without

@@ -96,7 +96,7 @@ Simulated(System, Model, SimulationOptions, Integrator) -> Simulated<System, Mod
 template <class Data, class Predict>
 Eigen::MatrixXd predict_all(const Data& transitions, Eigen::Index first, Eigen::Index count,
                             const Predict& predict, int threads = 0) {
-  detail::check_span(transitions, first, count);
+  detail::check_transitions(transitions, first, count);
   Eigen::MatrixXd out(13 * Data::bodies, count);
   constexpr Eigen::Index block = 32;
   parallel_for((count + block - 1) / block, threads, [&](std::ptrdiff_t b) {
@@ -112,7 +112,7 @@ Eigen::MatrixXd predict_all(const Data& transitions, Eigen::Index first, Eigen::
 /// Error where there are not so many.
 template <class Data, class Predict>
 TimedCall one_by_one(const Data& transitions, Eigen::Index count, const Predict& predict) {
-  detail::check_span(transitions, 0, count);
+  detail::check_transitions(transitions, 0, count);
   return {[&transitions, count, predict] {
             double sum = 0;
             for (Eigen::Index c = 0; c < count; ++c)

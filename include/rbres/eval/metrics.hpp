@@ -86,14 +86,11 @@ inline double degrees_between(const double* p, const double* q) {
   return 4 * std::atan2(std::sqrt(difference), std::sqrt(sum)) * 180 / std::numbers::pi;
 }
 
-/// Error where `data` does not have transitions first ... first + count - 1.
+/// Error where `data` is inconsistent, or does not have transitions first ... first + count - 1.
 template <class Data>
-void check_span(const Data& data, std::ptrdiff_t first, std::ptrdiff_t count) {
+void check_transitions(const Data& data, std::ptrdiff_t first, std::ptrdiff_t count) {
   if constexpr (requires { data.check(); }) data.check();
-  const std::ptrdiff_t all = data.count();
-  if (first < 0 || first > all || count < 0 || count > all - first)
-    refuse("transitions", text("some of ", all, ", the first of which is 0"),
-           text(count, ", the first of which is ", first));
+  check_range("transitions", data.count(), first, count);
 }
 
 template <class Data, class Predicted>

@@ -44,9 +44,7 @@ class TrainingSet {
   /// Transitions first ... first + count - 1, Error where there are none of these numbers. The views hold
   /// while this set lives.
   Samples<T> samples(Eigen::Index first, Eigen::Index count) const {
-    if (first < 0 || first > inputs_.cols() || count < 0 || count > inputs_.cols() - first)
-      detail::refuse("samples", detail::text("some of ", inputs_.cols(), ", the first of which is 0"),
-                     detail::text(count, ", the first of which is ", first));
+    detail::check_range("samples", inputs_.cols(), first, count);
     const auto view = [&](const Columns& all) {
       return ColumnsView<T>(all.data() + first * all.rows(), all.rows(), count);
     };
