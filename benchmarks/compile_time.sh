@@ -57,6 +57,9 @@ for ((i = 0; i <= repetitions; ++i)); do # the first time only brings the files 
   done
 done
 
+# Prints the median, least and greatest of the numbers that it reads.
+spread() { sort -n | awk '{ all[NR] = $1 } END { print (all[int((NR + 1) / 2)] + all[int(NR / 2) + 1]) / 2, all[1], all[NR] }'; }
+
 printf "%-26s %8s  %-16s %8s\n" "-O2" "s" "[least, most]" "MB"
 for name in "${names[@]}"; do
   memory=-
@@ -64,12 +67,9 @@ for name in "${names[@]}"; do
     compile /usr/bin/time -f %M -o "$folder/kilobytes"
     memory=$(($(cat "$folder/kilobytes") / 1000))
   fi
-  awk -v name="$name" '$1 == name { print $2 }' "$folder/seconds" | sort -n |
-    awk -v title="${titles[$name]}" -v memory="$memory" '
-      { all[NR] = $1 }
-      END { printf "%-26s %8.2f  [%.2f, %.2f] %9s\n", title, (all[int((NR + 1) / 2)] + all[int(NR / 2) + 1]) / 2, all[1], all[NR], memory }'
+  read -r median least most < <(awk -v name="$name" '$1 == name { print $2 }' "$folder/seconds" | spread)
+  printf "%-26s %8.2f  [%.2f, %.2f] %9s\n" "${titles[$name]}" "$median" "$least" "$most" "$memory"
 done
-awk '$1 == "eigen" { eigen[++e] = $2 } $1 == "rbres" { ratio[++r] = $2 / eigen[e] } END { for (i in ratio) print ratio[i] }' \
-  "$folder/seconds" | sort -n |
-  awk '{ all[NR] = $1 } END { printf "<rbres/rbres.hpp> / <Eigen/Dense>: %.2f  [%.2f, %.2f] (aim: at most 1.50)\n",
-    (all[int((NR + 1) / 2)] + all[int(NR / 2) + 1]) / 2, all[1], all[NR] }'
+read -r median least most < <(awk '$1 == "eigen" { eigen[++e] = $2 } $1 == "rbres" { ratio[++r] = $2 / eigen[e] }
+  END { for (i in ratio) print ratio[i] }' "$folder/seconds" | spread)
+printf "<rbres/rbres.hpp> / <Eigen/Dense>: %.2f  [%.2f, %.2f] (aim: at most 1.50)\n" "$median" "$least" "$most"
