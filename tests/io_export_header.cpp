@@ -7,6 +7,7 @@
 
 #include "exported_double.hpp"
 #include "exported_float.hpp"
+#include "exported_half.hpp"
 #include "exported_hybrid.hpp"
 #include "exported_law.hpp"
 #include "exported_predictor.hpp"
@@ -54,7 +55,9 @@ std::array<rbres::RigidState<double>, 3> frame(const Law& law) {
 TEST_CASE("an exported network gives the same bits") {
   check_same_bits(exported_f::network(), exported_float());
   check_same_bits(exported_d::network(), exported_double());
+  check_same_bits(exported_s::network(), exported_half());
   static_assert(exported_f::weights[0] != 0);
+  static_assert(sizeof exported_s::weights * 2 == sizeof exported_f::weights);
 }
 
 TEST_CASE("an exported predictor gives the same bits") {

@@ -6,6 +6,10 @@
 
 inline auto exported_float() { return rbres::ResidualNetwork<float, 7, 20, 2, 5>(11); }
 
+inline auto exported_half() {
+  return rbres::ResidualNetwork<float, 7, 20, 2, 5, rbres::bfloat16>(exported_float());
+}
+
 inline auto exported_double() {
   using namespace rbres;
   return Network<double, Sequential<Linear<3, 6>, Tanh, Linear<6, 4>, Silu>>(12);

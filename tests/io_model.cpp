@@ -82,7 +82,7 @@ struct rbres::ModelFormat<Scaled> {
 };
 
 TEST_CASE_TEMPLATE("round trip to the bit", Model, Small, ResidualNetwork<float, 7, 20, 3, 5>,
-                   ResidualNetwork<double, 7, 20, 3, 5>,
+                   ResidualNetwork<double, 7, 20, 3, 5>, ResidualNetwork<float, 7, 20, 3, 5, bfloat16>,
                    Network<double, Sequential<Linear<1, 1>, Doubling, Silu>>) {
   const TemporaryFolder folder;
   const auto path = folder / "model.safetensors";
@@ -91,10 +91,41 @@ TEST_CASE_TEMPLATE("round trip to the bit", Model, Small, ResidualNetwork<float,
   CHECK(same_bits(load<Model>(path), model));
   const SafetensorsReader file(path);
   CHECK(file.metadata().at("author") == "me");
-  CHECK(file.metadata().at("scalar") == (sizeof(typename Model::Scalar) == 4 ? "float32" : "float64"));
+  CHECK(file.metadata().at("scalar") ==
+        (std::is_same_v<typename Model::Scalar, float> ? "float32" : "float64"));
   std::size_t numbers = 0;
   for (const auto& [name, tensor] : file.tensors()) numbers += tensor.offsets[1] - tensor.offsets[0];
-  CHECK(numbers == Model::parameter_count * sizeof(typename Model::Scalar));
+  CHECK(numbers == Model::parameter_count * sizeof(typename Model::Weight));
+}
+
+TEST_CASE("weights of half the size: a float network's file is rounded, and none is a float network's") {
+  using Whole = ResidualNetwork<float, 7, 20, 3, 5>;
+  using Half = ResidualNetwork<float, 7, 20, 3, 5, bfloat16>;
+  const TemporaryFolder folder;
+  const Whole whole(42);
+  save(folder / "whole", whole);
+  const Half half = load<Half>(folder / "whole");
+  CHECK(same_bits(half, Half(whole)));
+  save(folder / "half", half);
+  const SafetensorsReader file(folder / "half");
+  CHECK(file.metadata().at("weights") == "bfloat16");
+  CHECK(file.tensors().at("0.weight").dtype == "BF16");
+  CHECK(contains(error_of([&] { load<Whole>(folder / "half"); }),
+                 "half: tensor '0.weight': expected dtype F32, found BF16"));
+  CHECK(contains(error_of([&] { load<ResidualNetwork<float, 7, 20, 2, 5, bfloat16>>(folder / "half"); }),
+                 "metadata 'architecture'"));
+  CHECK(contains(error_of([&] { load<ResidualNetwork<float, 7, 20, 2, 5, bfloat16>>(folder / "whole"); }),
+                 "metadata 'architecture'"));
+
+  Half broken = half;
+  broken.parameters()[0] = bfloat16(std::numeric_limits<float>::infinity());
+  CHECK(contains(error_of([&] { save(folder / "broken", broken); }), "expected finite numbers, found inf"));
+  CHECK(contains(error_of([&] { export_header(broken, folder / "broken.hpp"); }), "expected finite numbers"));
+
+  SafetensorsWriter torch;  // as PyTorch saves a module after .to(torch.bfloat16)
+  detail::add_parameters<Half>(torch, "", half.parameters().data());
+  torch.write(folder / "torch");
+  CHECK(same_bits(load<Half>(folder / "torch", Digest::optional), half));
 }
 
 TEST_CASE("names, shapes and order are PyTorch's") {

@@ -128,3 +128,22 @@ TEST_CASE("a shape that is turned against the principal axes is not saved") {
   CHECK(contains(error_of([&] { save(folder / "p.safetensors", p); }), "principal axes"));
   CHECK_FALSE(std::filesystem::exists(folder / "p.safetensors"));
 }
+
+TEST_CASE("weights of half the size: from a float predictor's file, and from their own") {
+  using Half = Predictor<Network<float, Net::Architecture, bfloat16>, 2>;
+  const TemporaryFolder folder;
+  const Two whole = made();
+  save(folder / "whole", whole);
+  const auto half = load<Half>(folder / "whole");
+  CHECK(half.input.mean == whole.input.mean);
+  CHECK(half.horizon == whole.horizon);
+  save(folder / "half", half);
+  const auto back = load<Half>(folder / "half");
+  Two::State y;
+  y[1].position = {4, 5, 6};
+  const Two::Wrenches w{};
+  CHECK(back.predict(y, w) == half.predict(y, w));
+  CHECK(!(half.predict(y, w) == whole.predict(y, w)));
+  CHECK((half.predict(y, w).vector() - whole.predict(y, w).vector()).norm() < 0.1);
+  CHECK(contains(error_of([&] { load<Two>(folder / "half"); }), "expected dtype F32, found BF16"));
+}

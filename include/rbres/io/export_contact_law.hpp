@@ -12,7 +12,7 @@ void export_law(const Law& law, const std::filesystem::path& path, std::string_v
   using T = typename Law::Scalar;
   using Net = typename Law::Network;
   check_namespace_name(name);
-  const std::vector<T> weights = exported_weights(law.network, path);
+  const std::string weights = weights_text(law.network, path);
   constexpr std::size_t features = static_cast<std::size_t>(Net::inputs);
   const std::array<double, 4> numbers{law.scales.frame_time, law.scales.speed, law.scales.margin, law.weight};
   AtomicFile file(path);
@@ -20,12 +20,12 @@ void export_law(const Law& law, const std::filesystem::path& path, std::string_v
       "// Written by rbres::export_header.\n#pragma once\n\n#include <rbres/learn/hybrid_law.hpp>\n\n"
       "namespace ",
       name, "::RBRES_ABI {\n\nusing Law = rbres::", Law::corrects ? "HybridLaw<" : "ContactLaw<", Net::width,
-      ", ", Net::rounds, ", ", scalar_name<T>, ">;\n\n", array_text<T>("weights", path.string(), weights),
+      ", ", Net::rounds, ", ", scalar_name<T>, ">;\n\n", weights,
       array_text<T>("input_mean", path.string(), {law.input.mean.data(), features}),
       array_text<T>("input_deviation", path.string(), {law.input.deviation.data(), features}),
       "// Frame time (s), speed (m/s), margin (m), strength of a correction.\n",
       array_text<double>("scales", path.string(), numbers), "\ninline Law law() {\n  Law law;\n",
-      weights_reader("Law::Network", "law.network"),
+      weights_reader<T>("Law::Network", "law.network"),
       "  for (int i = 0; i < Law::Network::inputs; ++i) {\n    law.input.mean[i] = input_mean[i];\n"
       "    law.input.deviation[i] = input_deviation[i];\n  }\n"
       "  law.scales = {.frame_time = scales[0], .speed = scales[1], .margin = scales[2]};\n",

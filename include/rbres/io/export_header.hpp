@@ -75,9 +75,9 @@ std::string array_text(std::string_view name, const std::string& what, std::span
 
 /// The weights of a network, tensor by tensor and row by row.
 template <class Network>
-std::vector<typename Network::Scalar> exported_weights(const Network& network,
+std::vector<typename Network::Weight> exported_weights(const Network& network,
                                                        const std::filesystem::path& path) {
-  std::vector<typename Network::Scalar> numbers;
+  std::vector<typename Network::Weight> numbers;
   for (const ParameterTensor& tensor : Network::tensors()) {
     const auto first = std::ssize(numbers);
     for (int row = 0; row < tensor.rows; ++row)
@@ -89,12 +89,44 @@ std::vector<typename Network::Scalar> exported_weights(const Network& network,
   return numbers;
 }
 
+/// The same array of numbers of half a float's size, as their bits.
+inline std::string array_text(std::string_view name, std::span<const bfloat16> numbers) {
+  std::ostringstream out;
+  out.imbue(std::locale::classic());
+  out << "inline constexpr std::uint16_t " << name << '[' << numbers.size() << "] = {" << std::hex;
+  for (std::size_t i = 0; i < numbers.size(); ++i)
+    out << (i % 12 == 0 ? "\n0x" : "0x") << numbers[i].bits << ',';
+  out << "\n};\n";
+  return out.str();
+}
+
+/// The type of a network, spelled in C++.
+template <class T, class Layers, class W>
+std::string network_text(const Network<T, Layers, W>&) {
+  return text("rbres::Network<", scalar_name<T>, ", ", LayerName<Layers>::text(LayerText::spelled),
+              std::is_same_v<T, W> ? ">" : ", rbres::bfloat16>");
+}
+
+/// The array `weights` of what a network's weights are kept in. Error naming the path where one is not
+/// finite.
+template <class Network>
+std::string weights_text(const Network& network, const std::filesystem::path& path) {
+  const auto weights = exported_weights(network, path);
+  if constexpr (std::is_same_v<typename Network::Weight, bfloat16>) {
+    return array_text("weights", weights);
+  } else {
+    return array_text<typename Network::Weight>("weights", path.string(), weights);
+  }
+}
+
 /// The lines of a function that put the array `weights` into `network`, an expression of type `type`.
-inline std::string weights_reader(std::string_view type, std::string_view network) {
+template <class Weight>
+std::string weights_reader(std::string_view type, std::string_view network) {
   return text("  const auto* from = weights;\n  for (const rbres::ParameterTensor& tensor : ", type,
               "::tensors())\n    for (int row = 0; row < tensor.rows; ++row)\n"
               "      for (int column = 0; column < tensor.columns; ++column) ",
-              network, ".parameters()[tensor.index(row, column)] = *from++;\n");
+              network, ".parameters()[tensor.index(row, column)] = ",
+              std::is_same_v<Weight, bfloat16> ? "rbres::bfloat16::of_bits(*from++);\n" : "*from++;\n");
 }
 
 }  // namespace detail
@@ -106,21 +138,19 @@ inline std::string weights_reader(std::string_view type, std::string_view networ
 ///     const NAME::Network network = NAME::network();
 ///     y = network.forward(x);
 ///
-/// The weights stand there as a constexpr array of hexadecimal floats, which lose no bit: weight (row by row)
-/// and bias of every Linear. Atomic; see AtomicFile for the errors. Error too when a number is not finite or
-/// `name` is no name for a namespace of one's own.
-template <std::floating_point T, class Layers>
-void export_header(const Network<T, Layers>& network, const std::filesystem::path& path,
+/// The weights stand there as a constexpr array of hexadecimal floats, or of the bits of a bfloat16, which
+/// lose no bit: weight (row by row) and bias of every Linear. Atomic; see AtomicFile for the errors. Error
+/// too when a number is not finite or `name` is no name for a namespace of one's own.
+template <std::floating_point T, class Layers, class W>
+void export_header(const Network<T, Layers, W>& network, const std::filesystem::path& path,
                    std::string_view name = "rbres_model") {
   detail::check_namespace_name(name);
-  const std::vector<T> weights = detail::exported_weights(network, path);
+  const std::string weights = detail::weights_text(network, path);
   AtomicFile file(path);
   const std::string text = detail::text(
       "// Written by rbres::export_header.\n#pragma once\n\n#include <rbres/nn/network.hpp>\n\nnamespace ",
-      name, "::RBRES_ABI {\n\nusing Network = rbres::Network<", detail::scalar_name<T>, ", ",
-      detail::LayerName<Layers>::text(detail::LayerText::spelled), ">;\n\n",
-      detail::array_text<T>("weights", path.string(), weights),
-      "\ninline Network network() {\n  Network network;\n", detail::weights_reader("Network", "network"),
+      name, "::RBRES_ABI {\n\nusing Network = ", detail::network_text(network), ";\n\n", weights,
+      "\ninline Network network() {\n  Network network;\n", detail::weights_reader<W>("Network", "network"),
       "  return network;\n}\n\n}  // namespace ", name, "\n");
   file.write(text.data(), text.size());
   file.commit();

@@ -57,12 +57,12 @@ inline std::string body_text(const Body<double>& body) {
 ///
 /// Numbers lose no bit. Atomic; see AtomicFile for the errors. Error too where save() would refuse the
 /// predictor, or `name` is no name for a namespace of one's own.
-template <std::floating_point T, class Layers, int N>
-void export_header(const Predictor<Network<T, Layers>, N>& p, const std::filesystem::path& path,
+template <std::floating_point T, class Layers, class W, int N>
+void export_header(const Predictor<Network<T, Layers, W>, N>& p, const std::filesystem::path& path,
                    std::string_view name = "rbres_model") {
   detail::check_namespace_name(name);
-  ModelFormat<Predictor<Network<T, Layers>, N>>::check(p);
-  const std::vector<T> weights = detail::exported_weights(p.network, path);
+  ModelFormat<Predictor<Network<T, Layers, W>, N>>::check(p);
+  const std::string weights = detail::weights_text(p.network, path);
   const auto numbers = [&](const char* what, const auto& vector) {
     return detail::array_text<T>(what, detail::text(path.string(), ": ", what),
                                  std::span<const T>(vector.data(), static_cast<std::size_t>(vector.size())));
@@ -78,18 +78,16 @@ void export_header(const Predictor<Network<T, Layers>, N>& p, const std::filesys
   const std::string text = detail::text(
       "// Written by rbres::export_header.\n#pragma once\n\n#include "
       "<rbres/predict/predictor.hpp>\n\nnamespace ",
-      name, "::RBRES_ABI {\n\nusing Network = rbres::Network<", detail::scalar_name<T>, ", ",
-      detail::LayerName<Layers>::text(detail::LayerText::spelled),
-      ">;\nusing Predictor = rbres::Predictor<Network, ", N, ">;\n\n",
-      detail::array_text<T>("weights", path.string(), weights), numbers("input_mean", p.input.mean),
-      numbers("input_deviation", p.input.deviation), numbers("output_mean", p.output.mean),
-      numbers("output_deviation", p.output.deviation), R"(
+      name, "::RBRES_ABI {\n\nusing Network = ", detail::network_text(p.network),
+      ";\nusing Predictor = rbres::Predictor<Network, ", N, ">;\n\n", weights,
+      numbers("input_mean", p.input.mean), numbers("input_deviation", p.input.deviation),
+      numbers("output_mean", p.output.mean), numbers("output_deviation", p.output.deviation), R"(
 inline Predictor predictor() {
   Predictor p{Network(), {}, {}, {rbres::System<double, )",
       N, ">({\n      ", bodies, "}),\n      {", detail::exact_vector(flow.gravity.g), "}, {", number(1), ", ",
       number(2), ", ", number(3), "}, {", number(4), ", ", number(5),
       "}}, rbres::Target::", p.target == Target::residual ? "residual" : "state", ", ", number(0), "};\n",
-      detail::weights_reader("Network", "p.network"),
+      detail::weights_reader<W>("Network", "p.network"),
       R"(  std::copy(std::begin(input_mean), std::end(input_mean), p.input.mean.data());
   std::copy(std::begin(input_deviation), std::end(input_deviation), p.input.deviation.data());
   std::copy(std::begin(output_mean), std::end(output_mean), p.output.mean.data());

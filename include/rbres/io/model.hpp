@@ -86,10 +86,13 @@ void add_probes(SafetensorsWriter& file, const Net& network, int inputs, int out
 /// outputs, which are computed again at loading: they must agree within 2^13 epsilon of the largest output
 /// (1e-3 in float, 2e-12 in double), which other processors and flags keep by far and wrong numbers do not. A
 /// file without these metadata, as PyTorch writes it, must hold the network's tensors and no others.
-template <std::floating_point T, class Layers>
-struct ModelFormat<Network<T, Layers>> {
+///
+/// A network of half-size weights (bfloat16) is saved as such, and is read from the file of a float one, too:
+/// its numbers are then rounded.
+template <std::floating_point T, class Layers, class W>
+struct ModelFormat<Network<T, Layers, W>> {
   /// The network's type.
-  using Model = Network<T, Layers>;
+  using Model = Network<T, Layers, W>;
 
   /// The network must stay until the file is written.
   static void write(SafetensorsWriter& file, const Model& network) {
@@ -100,6 +103,11 @@ struct ModelFormat<Network<T, Layers>> {
 
   /// Throws Error where the file is of another network.
   static Model read(const SafetensorsReader& file) {
+    if constexpr (!std::is_same_v<W, T>) {
+      if (const auto& tensors = file.tensors();
+          tensors.empty() || tensors.begin()->second.dtype != detail::safetensors_dtype<W>())
+        return Model(ModelFormat<Network<T, Layers>>::read(file));
+    }
     const bool is_ours = file.metadata().contains("architecture");
     if (is_ours) require_metadata(file, network_metadata<Model>());
     Model network;

@@ -19,12 +19,14 @@
 namespace rbres::RBRES_ABI {
 
 /// The metadata of every file with a network: its "architecture", as the C++ type with runs of equal layers
-/// as "10 x ...", and its "scalar".
+/// as "10 x ...", its "scalar", and "weights" where they are kept in another type.
 template <class Net>
 Metadata network_metadata() {
   using detail::LayerName, detail::LayerText;
-  return {{"architecture", LayerName<typename Net::Architecture>::text(LayerText::shortened)},
-          {"scalar", std::is_same_v<typename Net::Scalar, float> ? "float32" : "float64"}};
+  Metadata all{{"architecture", LayerName<typename Net::Architecture>::text(LayerText::shortened)},
+               {"scalar", std::is_same_v<typename Net::Scalar, float> ? "float32" : "float64"}};
+  if (!std::is_same_v<typename Net::Weight, typename Net::Scalar>) all["weights"] = "bfloat16";
+  return all;
 }
 
 namespace detail {
@@ -37,11 +39,10 @@ inline std::vector<Eigen::Index> torch_shape(const ParameterTensor& tensor) {
 
 /// Adds a block of a network's layout (its parameters, or an optimiser's moments) as the tensors PREFIX +
 /// name, of PyTorch's shapes. The block must stay until the file is written.
-template <class Net>
-void add_parameters(SafetensorsWriter& file, const std::string& prefix, const typename Net::Scalar* block) {
-  using Scalar = typename Net::Scalar;
+template <class Net, class Number>
+void add_parameters(SafetensorsWriter& file, const std::string& prefix, const Number* block) {
   for (const ParameterTensor& tensor : Net::tensors())
-    file.add<Scalar>(prefix + tensor.name, torch_shape(tensor), [block, tensor](Scalar* to) {
+    file.add<Number>(prefix + tensor.name, torch_shape(tensor), [block, tensor](Number* to) {
       for (int row = 0; row < tensor.rows; ++row)
         for (int column = 0; column < tensor.columns; ++column) *to++ = block[tensor.index(row, column)];
     });
@@ -49,23 +50,23 @@ void add_parameters(SafetensorsWriter& file, const std::string& prefix, const ty
 
 /// Calls take(place in the block, number) for all that add_parameters() wrote, tensor by tensor. Error when a
 /// tensor is missing or of another type or shape.
-template <class Net, class Take>
+template <class Net, class Number = typename Net::Weight, class Take>
 void each_parameter(const SafetensorsReader& file, const std::string& prefix, const Take& take) {
-  using Scalar = typename Net::Scalar;
   for (const ParameterTensor& tensor : Net::tensors()) {
-    std::vector<Scalar> numbers(static_cast<std::size_t>(tensor.rows) *
+    std::vector<Number> numbers(static_cast<std::size_t>(tensor.rows) *
                                 static_cast<std::size_t>(tensor.columns));
     file.read(prefix + tensor.name, torch_shape(tensor), numbers.data());
-    const Scalar* from = numbers.data();
+    const Number* from = numbers.data();
     for (int row = 0; row < tensor.rows; ++row)
       for (int column = 0; column < tensor.columns; ++column) take(tensor.index(row, column), *from++);
   }
 }
 
 /// Reads what add_parameters() wrote to a block of the network's layout.
-template <class Net>
-void read_parameters(const SafetensorsReader& file, const std::string& prefix, typename Net::Scalar* block) {
-  each_parameter<Net>(file, prefix, [block](std::size_t place, auto number) { block[place] = number; });
+template <class Net, class Number>
+void read_parameters(const SafetensorsReader& file, const std::string& prefix, Number* block) {
+  each_parameter<Net, Number>(file, prefix,
+                              [block](std::size_t place, auto number) { block[place] = number; });
 }
 
 /// Adds metadata; Error that names the path when a key is taken.

@@ -36,9 +36,9 @@ inline std::string shape_text(const std::vector<Eigen::Index>& shape) {
 
 template <class Scalar>
 void require_finite(const std::string& what, const Scalar* values, std::size_t size) {
-  if constexpr (std::is_floating_point_v<Scalar>) {
-    const Scalar* bad = std::find_if_not(values, values + size, [](Scalar x) { return std::isfinite(x); });
-    if (bad != values + size) refuse(what, "finite numbers", text(*bad, " at index ", bad - values));
+  if constexpr (!std::is_integral_v<Scalar>) {
+    const Scalar* bad = std::find_if_not(values, values + size, [](auto x) { return std::isfinite(+x); });
+    if (bad != values + size) refuse(what, "finite numbers", text(+*bad, " at index ", bad - values));
   }
 }
 
@@ -57,8 +57,8 @@ inline std::size_t shape_size(const std::string& what, const std::vector<Eigen::
 }  // namespace detail
 
 /// Writes named tensors and metadata as one safetensors file (github.com/huggingface/safetensors). The
-/// numbers are float, double, std::int64_t, std::uint64_t or std::uint8_t, are not copied, and must stay
-/// until write() is done.
+/// numbers are float, double, bfloat16, std::int64_t, std::uint64_t or std::uint8_t, are not copied, and must
+/// stay until write() is done.
 class SafetensorsWriter {
  public:
   /// What the file says of itself.

@@ -16,6 +16,7 @@
 #include <Eigen/Core>
 #include <nlohmann/json.hpp>
 
+#include <rbres/core/bfloat16.hpp>
 #include <rbres/core/error.hpp>
 #include <rbres/io/file.hpp>
 
@@ -38,6 +39,7 @@ template <class Scalar>
 constexpr std::string_view safetensors_dtype() {
   if constexpr (std::is_same_v<Scalar, float>) return "F32";
   if constexpr (std::is_same_v<Scalar, double>) return "F64";
+  if constexpr (std::is_same_v<Scalar, bfloat16>) return "BF16";
   if constexpr (std::is_same_v<Scalar, std::int64_t>) return "I64";
   if constexpr (std::is_same_v<Scalar, std::uint64_t>) return "U64";
   if constexpr (std::is_same_v<Scalar, std::uint8_t>) return "U8";

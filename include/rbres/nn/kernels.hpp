@@ -18,6 +18,9 @@ namespace rbres::RBRES_ABI::detail {
 /// Numbers in one column of a panel.
 template <class T>
 inline constexpr int lanes = static_cast<int>(64 / sizeof(T));
+/// Weights of half the size stand where floats would, in panels of 32 bytes.
+template <>
+inline constexpr int lanes<bfloat16> = lanes<float>;
 
 /// n rounded up to whole panels.
 template <class T>
@@ -69,19 +72,19 @@ inline constexpr int tile_rows = 6, tile_vectors = 2;
 /// finish(r, lane, sum over k of a(r, k) * b(lane..., k)) for Rows rows and Vectors registers of lanes. Each
 /// sum is taken in the order of k whatever the tile, so that the result does not depend on how rows are
 /// split. Fetches `ahead` meanwhile.
-template <int Rows, int Vectors, class T, int Row, int Step, class Finish>
-[[gnu::always_inline]] inline void tile(std::ptrdiff_t depth, Left<T, Row, Step> a, Panels<const T> b,
-                                        const T* ahead, const Finish& finish) {
+template <int Rows, int Vectors, class T, int Row, int Step, class W, class Finish>
+[[gnu::always_inline]] inline void tile(std::ptrdiff_t depth, Left<T, Row, Step> a, Panels<const W> b,
+                                        const W* ahead, const Finish& finish) {
   constexpr int width = simd_width<T>;
   Simd<T> sum[std::size_t(Rows)][std::size_t(Vectors)] = {};
-  const T* right = b.data;
+  const W* right = b.data;
   for (std::ptrdiff_t panel = 0; panel < depth; panel += lanes<T>, a.data += a.panel) {
     const std::ptrdiff_t count = std::min<std::ptrdiff_t>(lanes<T>, depth - panel);
     for (std::ptrdiff_t k = 0; k < count; ++k, right += lanes<T>, ahead += lanes<T>) {
       __builtin_prefetch(ahead, 0, 2);
       Simd<T> column[std::size_t(Vectors)];
 #pragma GCC unroll 16
-      for (int v = 0; v < Vectors; ++v) column[v] = load(Panels<const T>{right, b.columns}.at(v * width, 0));
+      for (int v = 0; v < Vectors; ++v) column[v] = load(Panels<const W>{right, b.columns}.at(v * width, 0));
 #pragma GCC unroll 16
       for (int r = 0; r < Rows; ++r) {
         const T x = a.data[std::ptrdiff_t{r} * Row + k * Step];
@@ -98,15 +101,15 @@ template <int Rows, int Vectors, class T, int Row, int Step, class Finish>
 
 /// The same for any number of rows, in tiles as even as possible, all of an even number of rows but a last
 /// single one: so there are half as many tiles to compile.
-template <int Vectors, class T, int Row, int Step, class Finish>
+template <int Vectors, class T, int Row, int Step, class W, class Finish>
 [[gnu::always_inline]] inline void tiles(int rows, std::ptrdiff_t depth, Left<T, Row, Step> a,
-                                         Panels<const T> b, const Finish& finish) {
+                                         Panels<const W> b, const Finish& finish) {
   constexpr int panels = std::max(1, Vectors * simd_width<T> / lanes<T>);
   const int count = (rows + tile_rows - 1) / tile_rows;
   for (int t = 0, row = 0; row < rows; ++t) {
     const int left = rows - row, even = t < count ? (left / 2 + count - t - 1) / (count - t) * 2 : 0;
     const int now = even > 0 ? even : 1;
-    const T* ahead = b.at((t < panels ? panels + t : 0) * lanes<T>, 0);  // the panels of the next lanes, once
+    const W* ahead = b.at((t < panels ? panels + t : 0) * lanes<T>, 0);  // the panels of the next lanes, once
     const Left<T, Row, Step> from{a.data + row * Row, a.panel};
     const auto shifted = [&finish, row ](int r, int lane, const Simd<T>& z) __attribute__((always_inline)) {
       finish(row + r, lane, z);
@@ -136,9 +139,9 @@ struct Groups {
   }
 
   /// finish(r, lane, (a b)(r, lane...)) for all rows and the lanes of one group, from which on b stands.
-  template <int Row, int Step, class Finish>
+  template <int Row, int Step, class W, class Finish>
   [[gnu::always_inline]] void multiply(int group, int rows, std::ptrdiff_t depth, Left<T, Row, Step> a,
-                                       Panels<const T> b, const Finish& finish) const {
+                                       Panels<const W> b, const Finish& finish) const {
     const int first = first_lane(group), now = vectors + (group < larger ? 1 : 0);
     const auto shifted = [&finish, first ](int r, int lane, const Simd<T>& z) __attribute__((always_inline)) {
       finish(r, first + lane, z);
@@ -152,8 +155,8 @@ struct Groups {
 
 /// finish(0, lane, (W x)(lane...)) for one sample x in sequence. Memory bounds it, so it walks the panels in
 /// sequence.
-template <class T, class Finish>
-[[gnu::always_inline]] inline void multiply_row(int out, std::ptrdiff_t in, const T* weights, const T* x,
+template <class T, class W, class Finish>
+[[gnu::always_inline]] inline void multiply_row(int out, std::ptrdiff_t in, const W* weights, const T* x,
                                                 const Finish& finish) {
   constexpr int width = simd_width<T>, vectors = lanes<T> / width, parts = 4;
   for (int lane = 0; lane < out; lane += lanes<T>, weights += in * lanes<T>) {
@@ -164,7 +167,7 @@ template <class T, class Finish>
     };
     const std::ptrdiff_t whole = in / parts * parts;
     for (std::ptrdiff_t k = 0; k < whole; k += parts) {
-      __builtin_prefetch(weights + k * lanes<T> + 4096 / sizeof(T));
+      __builtin_prefetch(weights + k * lanes<T> + 4096 / sizeof(W));
 #pragma GCC unroll 16
       for (int part = 0; part < parts; ++part) add(k + part, part);
     }
@@ -194,8 +197,8 @@ template <int Bit, class V, int... J>
 
 /// to(i, o) = weights(o, first + i) for all outputs and `count` inputs, a multiple of the register; zeros
 /// beyond the last.
-template <class T>
-inline void transpose(int out, int in, Panels<const T> weights, int first, int count, Panels<T> to) noexcept {
+template <class T, class W>
+inline void transpose(int out, int in, Panels<const W> weights, int first, int count, Panels<T> to) noexcept {
   constexpr int width = simd_width<T>;
   for (int o = 0; o < padded<T>(out); o += width)
     for (int i = 0; i < count; i += width) {

@@ -55,9 +55,9 @@ class Standard {
 };
 
 /// out = chain(norm(in))
-template <class Chain, bool Recorded, class T>
-void norm(int size, int count, const T* weights, Panels<T> in, Panels<T> out, Panels<T> slope) noexcept {
-  const T* bias = weights + padded<T>(size);
+template <class Chain, bool Recorded, class T, class W>
+void norm(int size, int count, const W* weights, Panels<T> in, Panels<T> out, Panels<T> slope) noexcept {
+  const W* bias = weights + padded<T>(size);
   for (int c = 0; c < count; ++c) {
     const Standard<T> standard(size, {in.data, in.columns}, c);
     for (int lane = 0; lane < padded<T>(size); lane += simd_width<T>) {
@@ -68,8 +68,8 @@ void norm(int size, int count, const T* weights, Panels<T> in, Panels<T> out, Pa
 }
 
 /// finish(0, lane, z') of one sample x whose tangent is `in`.
-template <class T, class Finish>
-void norm_tangent(int size, const T* weights, Panels<const T> x, const T* in, const Finish& finish) noexcept {
+template <class T, class W, class Finish>
+void norm_tangent(int size, const W* weights, Panels<const T> x, const T* in, const Finish& finish) noexcept {
   const Standard<T> standard(size, x, 0);
   const T mean = standard.mean_of([&](Simd<T>, int lane) { return load(in + lane); });
   const T along = standard.mean_of([&](Simd<T>, int lane) { return load(in + lane) * standard.at(lane); });
@@ -79,8 +79,8 @@ void norm_tangent(int size, const T* weights, Panels<const T> x, const T* in, co
 }
 
 /// finish(c, lane, gradient by x) from the gradient by z.
-template <class T, class Finish>
-void norm_backward(int size, int count, const T* weights, Panels<T> x, Panels<T> gradient,
+template <class T, class W, class Finish>
+void norm_backward(int size, int count, const W* weights, Panels<T> x, Panels<T> gradient,
                    const Finish& finish) noexcept {
   for (int c = 0; c < count; ++c) {
     const Standard<T> standard(size, {x.data, x.columns}, c);

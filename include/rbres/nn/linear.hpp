@@ -25,10 +25,10 @@ template <class Chain, bool Recorded, class T>
 
 /// out = chain(W in + b) + skip; the biases stand behind the weights. Sizes are no template parameters, so
 /// that layers of any size share the code.
-template <class Chain, bool HasSkip, bool Recorded, class T>
-[[gnu::noinline]] void linear(int inputs, int outputs, int count, const T* weights, Panels<T> in,
+template <class Chain, bool HasSkip, bool Recorded, class T, class W>
+[[gnu::noinline]] void linear(int inputs, int outputs, int count, const W* weights, Panels<T> in,
                               Panels<T> skip, Panels<T> out, Panels<T> slope) noexcept {
-  const T* bias = weights + std::ptrdiff_t{padded<T>(outputs)} * inputs;
+  const W* bias = weights + std::ptrdiff_t{padded<T>(outputs)} * inputs;
   const auto finish = [=](int c, int lane, Simd<T> z) __attribute__((always_inline)) {
     z = apply<Chain, Recorded>(z + load(bias + lane), slope.at(lane, c));
     if constexpr (HasSkip) z += load(skip.at(lane, c));
@@ -39,7 +39,7 @@ template <class Chain, bool HasSkip, bool Recorded, class T>
   const Groups<T> groups(padded<T>(outputs));
   for (int g = 0; g < groups.count; ++g)
     groups.multiply(g, count, inputs, columns_as_rows<T>({in.data, in.columns}),
-                    Panels<const T>{weights, inputs}.from(groups.first_lane(g), 0), finish);
+                    Panels<const W>{weights, inputs}.from(groups.first_lane(g), 0), finish);
 }
 
 /// out = chain(in) + skip, which may be done in place.
@@ -75,13 +75,13 @@ constexpr std::size_t group_size(int depth) {
 
 /// finish(c, lane, (Wᵀ in)(lane..., c)): each group of lanes is transposed into the cache, which has
 /// group_size(padded(outputs)) numbers, and used for all samples.
-template <class T, class Finish>
-[[gnu::noinline]] void linear_transposed(int inputs, int outputs, int count, const T* weights, Panels<T> in,
+template <class T, class W, class Finish>
+[[gnu::noinline]] void linear_transposed(int inputs, int outputs, int count, const W* weights, Panels<T> in,
                                          T* cache, const Finish finish) noexcept {
   const Groups<T> groups(padded<T>(inputs));
   for (int g = 0; g < groups.count; ++g) {
     const int first = groups.first_lane(g);
-    transpose<T>(outputs, inputs, {weights, inputs}, first, groups.first_lane(g + 1) - first,
+    transpose<T>(outputs, inputs, Panels<const W>{weights, inputs}, first, groups.first_lane(g + 1) - first,
                  {cache, padded<T>(outputs)});
     groups.multiply(g, count, outputs, columns_as_rows<T>({in.data, in.columns}),
                     Panels<const T>{cache, padded<T>(outputs)}, finish);

@@ -46,8 +46,8 @@ void expect_shape(const char* what, const Matrix& m, Eigen::Index rows, Eigen::I
 }
 
 /// Stage by stage on any scalar.
-template <class Compiled, class Passes, class T, class Derived>
-auto plain_forward(const T* parameters, const Eigen::MatrixBase<Derived>& x) {
+template <class T, class Compiled, class Passes, class W, class Derived>
+auto plain_forward(const W* parameters, const Eigen::MatrixBase<Derived>& x) {
   using S = typename Derived::Scalar;
   using Vector = Eigen::Matrix<S, Eigen::Dynamic, 1>;
   std::vector<Vector> values{x};
@@ -57,25 +57,28 @@ auto plain_forward(const T* parameters, const Eigen::MatrixBase<Derived>& x) {
     Vector out = in;
     if constexpr (stage.has_linear) {
       out.resize(stage.outputs);
-      const T* weights = parameters + Passes::offset(s);
-      const T* bias = weights + Passes::weight_size(s);
+      const W* weights = parameters + Passes::offset(s);
+      const W* bias = weights + Passes::weight_size(s);
       for (int o = 0; o < stage.outputs; ++o) {
-        S sum = static_cast<S>(bias[o]);
-        for (int i = 0; i < stage.inputs; ++i)
-          sum += static_cast<S>(in[i] * weights[(o / lanes<T> * stage.inputs + i) * lanes<T> + o % lanes<T>]);
+        S sum = static_cast<S>(T(bias[o]));
+        for (int i = 0; i < stage.inputs; ++i) {
+          const T weight(weights[(o / lanes<T> * stage.inputs + i) * lanes<T> + o % lanes<T>]);
+          sum += static_cast<S>(in[i] * weight);
+        }
         out[o] = sum;
       }
     }
     if constexpr (stage.has_norm) {
-      const T* weights = parameters + Passes::offset(s);
+      const W* weights = parameters + Passes::offset(s);
       S mean(0);
       for (const S& number : out) mean += S(number / T(stage.outputs));
       S variance(0);
       for (const S& number : out) variance += S((number - mean) * (number - mean)) / T(stage.outputs);
       using std::sqrt;
       const S scale = S(1) / S(sqrt(S(variance + T(1e-5))));
-      const T* shift = weights + Passes::weight_size(s);
-      for (int o = 0; o < stage.outputs; ++o) out[o] = S((out[o] - mean) * scale) * weights[o] + shift[o];
+      const W* shift = weights + Passes::weight_size(s);
+      for (int o = 0; o < stage.outputs; ++o)
+        out[o] = S((out[o] - mean) * scale) * T(weights[o]) + T(shift[o]);
     }
     for (S& number : out) number = Compiled::template ChainOfStage<s>::value(number, S(1));
     if constexpr (stage.skip != no_stage) out += values[stage.skip];
@@ -89,14 +92,24 @@ auto plain_forward(const T* parameters, const Eigen::MatrixBase<Derived>& x) {
 template <class Net>
 class NetworkPart;
 
+/// What a network of numbers T may keep its parameters in: T itself, or half of a float.
+template <class W, class T>
+concept WeightOf = std::same_as<W, T> ||(std::same_as<W, bfloat16>&& std::same_as<T, float>);
+
 /// A network as a value: `Layers` is a Sequential<...>, T float or double. All parameters stand in one flat
 /// block, aligned to a cache line; a copy is a copy, and what a move leaves is as Network(), all zero. In
 /// PyTorch the same network is the nn.Sequential of the same layers.
-template <std::floating_point T, class Layers>
+///
+/// W is what the parameters are kept in. With bfloat16 a float network takes half the memory, and less time
+/// where reading its parameters is what takes time (few samples at once). It computes in float, and cannot
+/// be trained: train a Network<float, Layers>, then convert it.
+template <std::floating_point T, class Layers, WeightOf<T> W = T>
 class Network {
  public:
   /// The type of its numbers.
   using Scalar = T;
+  /// The type in which its parameters are kept.
+  using Weight = W;
   /// Its layers.
   using Architecture = Layers;
   /// The layers as stages that are computed at once.
@@ -158,20 +171,26 @@ class Network {
       const double deviation = std::sqrt(2.0 / tensor.columns);
       for (int r = 0; r < tensor.rows; ++r)
         for (int c = 0; c < tensor.columns; ++c)
-          parameters_[tensor.index(r, c)] = static_cast<T>(deviation * random.normal());
+          parameters_[tensor.index(r, c)] = W(static_cast<T>(deviation * random.normal()));
     }
     for (int s = 0; s < Compiled::stage_count; ++s)
       if (Compiled::stage(s).has_norm)
-        std::fill_n(parameters_.data() + Passes::offset(s), Compiled::stage(s).outputs, T{1});
+        std::fill_n(parameters_.data() + Passes::offset(s), Compiled::stage(s).outputs, W(T{1}));
+  }
+
+  /// The same network with its parameters kept in another type, each rounded to the nearest.
+  template <class Other>
+  requires(!std::same_as<Other, W>) explicit Network(const Network<T, Layers, Other>& other) : Network() {
+    std::ranges::transform(other.parameters(), parameters_.data(), [](Other x) { return W(T(x)); });
   }
 
   /// The whole block. Numbers that no tensor names are filling and must stay zero.
-  std::span<T> parameters() {
-    if (parameters_.size() == 0) parameters_ = AlignedBuffer<T>(block_size);
+  std::span<W> parameters() {
+    if (parameters_.size() == 0) parameters_ = AlignedBuffer<W>(block_size);
     return {parameters_.data(), block_size};
   }
   /// The same, to read only.
-  std::span<const T> parameters() const noexcept { return {block(), block_size}; }
+  std::span<const W> parameters() const noexcept { return {block(), block_size}; }
 
   /// Every tensor, in the order of the block: weight and bias of each Linear and LayerNorm.
   static std::vector<ParameterTensor> tensors() {
@@ -209,7 +228,7 @@ class Network {
       const Eigen::MatrixBase<Derived>& x) const {
     static_assert(Derived::SizeAtCompileTime == input_size,
                   "Network::forward: x must have input_size numbers");
-    return detail::plain_forward<Compiled, Passes>(block(), x);
+    return detail::plain_forward<T, Compiled, Passes>(block(), x);
   }
 
   /// A prediction for each column: `inputs` is input_size x n, `outputs` output_size x n, else throws Error.
@@ -252,7 +271,7 @@ class Network {
   /// not fall into the same few sets of it.
   static constexpr std::ptrdiff_t chunk = 104;
 
-  static void predict(const T* parameters, const Eigen::Ref<const Columns, 0, Eigen::OuterStride<>>& inputs,
+  static void predict(const W* parameters, const Eigen::Ref<const Columns, 0, Eigen::OuterStride<>>& inputs,
                       Eigen::Ref<Columns, 0, Eigen::OuterStride<>> outputs, Workspace& workspace) noexcept {
     T* slots = workspace.numbers_.data();
     for (Eigen::Index first = 0; first < inputs.cols(); first += chunk) {
@@ -275,10 +294,10 @@ class Network {
     return tape;
   }
 
-  const T* block() const noexcept { return parameters_.size() == 0 ? zeros : parameters_.data(); }
+  const W* block() const noexcept { return parameters_.size() == 0 ? zeros : parameters_.data(); }
 
-  alignas(64) static inline T zeros[block_size] = {};  ///< nobody writes them
-  AlignedBuffer<T> parameters_;                        ///< empty after a move
+  alignas(64) static inline W zeros[block_size] = {};  ///< nobody writes them
+  AlignedBuffer<W> parameters_;                        ///< empty after a move
 };
 
 }  // namespace rbres::RBRES_ABI

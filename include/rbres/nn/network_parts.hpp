@@ -48,6 +48,8 @@ class NetworkParts {
  public:
   /// The type of its numbers.
   using Scalar = T;
+  /// The type in which its parameters are kept.
+  using Weight = T;
   /// The layers of each part.
   using Architecture = std::tuple<Layers...>;
   /// How many networks there are.

@@ -116,7 +116,8 @@ struct Passes {
     return {slots + C::slots[static_cast<std::size_t>(v)] * slot_size * samples, samples};
   }
   /// Inference of the first `count` samples in slot 0, into slot stage_count.
-  static void forward(int count, const T* parameters, T* slots, std::ptrdiff_t samples) noexcept {
+  template <class W>
+  static void forward(int count, const W* parameters, T* slots, std::ptrdiff_t samples) noexcept {
     unrolled<C::stage_count>([&](auto s) {
       constexpr int skip = std::max(C::stage(s).skip, 0);
       stage<s, false>(count, parameters, slot(slots, samples, s), slot(slots, samples, skip),
@@ -125,7 +126,8 @@ struct Passes {
   }
 
   /// Fills values and slopes of samples [first, first + count) of the tape from value 0.
-  static void record(const T* parameters, const Tape& tape, std::ptrdiff_t first, int count,
+  template <class W>
+  static void record(const W* parameters, const Tape& tape, std::ptrdiff_t first, int count,
                      const DropoutMask& mask) noexcept {
     unrolled<C::stage_count>([&](auto s) {
       constexpr Stage info = C::stage(s);
@@ -140,7 +142,8 @@ struct Passes {
 
   /// Turns the slopes of sample 0 into tangents, from the input's in gradient 0 to the output's in the last
   /// (forward mode). For a tape of one sample.
-  static void tangent(const T* parameters, const Tape& tape) noexcept {
+  template <class W>
+  static void tangent(const W* parameters, const Tape& tape) noexcept {
     unrolled<C::stage_count>([&](auto s) {
       constexpr Stage info = C::stage(s);
       const T* in = tape.gradient(s).data;
@@ -163,7 +166,8 @@ struct Passes {
 
   /// Turns the slopes of samples [first, first + count) into gradients of every z, from the output's in the
   /// last (reverse mode). `cache` has backward_size numbers, aligned.
-  static void backward(const T* parameters, const Tape& tape, std::ptrdiff_t first, int count, bool to_input,
+  template <class W>
+  static void backward(const W* parameters, const Tape& tape, std::ptrdiff_t first, int count, bool to_input,
                        T* cache) noexcept {
     unrolled<C::stage_count>([&](auto reversed) {
       constexpr int v =
@@ -196,8 +200,8 @@ struct Passes {
 
  private:
   /// Stage S; skip and slope are used only where they mean something.
-  template <int S, bool Recorded>
-  static void stage(int count, const T* parameters, Matrix in, Matrix skip, Matrix out,
+  template <int S, bool Recorded, class W>
+  static void stage(int count, const W* parameters, Matrix in, Matrix skip, Matrix out,
                     Matrix slope) noexcept {
     constexpr Stage info = C::stage(S);
     using Chain = typename C::template ChainOfStage<S>;

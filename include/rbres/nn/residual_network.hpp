@@ -29,18 +29,22 @@ using BlockNetwork =
 ///     nn.Sequential(nn.Linear(In, Width), nn.ReLU(),
 ///                   *[Residual(nn.Linear(Width, Width), nn.ReLU(), nn.Dropout(p), nn.Linear(Width, Width))
 ///                   for _ in range(Blocks)], nn.Linear(Width, Out))
-template <class Scalar, int In, int Width, int Blocks, int Out>
-using ResidualNetwork =
-    Network<Scalar, detail::BlockNetwork<
-                        In, Width, Blocks, Out,
-                        Sequential<Residual<Linear<Width, Width>, Relu, Dropout, Linear<Width, Width>>>>>;
+///
+/// Weight = bfloat16 keeps its parameters in half the memory (see Network).
+template <class Scalar, int In, int Width, int Blocks, int Out, class Weight = Scalar>
+using ResidualNetwork = Network<
+    Scalar,
+    detail::BlockNetwork<In, Width, Blocks, Out,
+                         Sequential<Residual<Linear<Width, Width>, Relu, Dropout, Linear<Width, Width>>>>,
+    Weight>;
 
 /// The baseline: the same Linear layers without skips, and as is usual without them a ReLU after every Linear
 /// but the last: Linear, ReLU, Blocks times drop(relu(W1 x + b1)), relu(W2 x + b2), Linear.
-template <class Scalar, int In, int Width, int Blocks, int Out>
+template <class Scalar, int In, int Width, int Blocks, int Out, class Weight = Scalar>
 using FeedForwardNetwork =
-    Network<Scalar, detail::BlockNetwork<
-                        In, Width, Blocks, Out,
-                        Sequential<Linear<Width, Width>, Relu, Dropout, Linear<Width, Width>, Relu>>>;
+    Network<Scalar,
+            detail::BlockNetwork<In, Width, Blocks, Out,
+                                 Sequential<Linear<Width, Width>, Relu, Dropout, Linear<Width, Width>, Relu>>,
+            Weight>;
 
 }  // namespace rbres::RBRES_ABI

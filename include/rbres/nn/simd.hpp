@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstring>
 #include <rbres/core/abi.hpp>
+#include <rbres/core/bfloat16.hpp>
 #include <type_traits>
 
 #if defined(__AVX__)
@@ -27,6 +28,10 @@ template <class T>
 struct SimdOf {
   typedef T type __attribute__((vector_size(simd_bytes)));
 };
+
+/// Numbers of half the size are computed with as floats.
+template <>
+struct SimdOf<bfloat16> : SimdOf<float> {};
 
 /// The widest register of numbers that the compiler's flags allow, as a vector extension of GCC and Clang.
 template <class T>
@@ -56,6 +61,20 @@ template <class T>
   Simd<T> x;
   std::memcpy(&x, from, sizeof x);
   return x;
+}
+
+/// A register of floats from numbers of half their size.
+[[gnu::always_inline]] inline Simd<float> load(const bfloat16* from) noexcept {
+#if defined(__AVX512F__)
+  return (Simd<float>)_mm512_slli_epi32(_mm512_cvtepu16_epi32(_mm256_loadu_si256((const __m256i*)from)), 16);
+#elif defined(__AVX2__)
+  return (Simd<float>)_mm256_slli_epi32(_mm256_cvtepu16_epi32(_mm_loadu_si128((const __m128i*)from)), 16);
+#else
+  typedef std::uint16_t Halves __attribute__((vector_size(simd_bytes / 2)));
+  Halves halves;
+  std::memcpy(&halves, from, sizeof halves);
+  return (Simd<float>)(__builtin_convertvector(halves, Simd<std::uint32_t>) << 16);
+#endif
 }
 
 template <class T>

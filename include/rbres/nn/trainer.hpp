@@ -23,6 +23,10 @@ namespace rbres::RBRES_ABI {
 template <class Net, class Optimizer = Adam, Objective<Net> O = ColumnsObjective<Net>>
 class Trainer {
   using MaybeO = std::optional<O>;
+  static_assert(
+      std::same_as<typename Net::Weight, typename Net::Scalar>,
+      "Trainer: weights of half the size have no room for small steps: train a network of whole ones, "
+      "then convert it");
 
  public:
   /// The network's numbers.

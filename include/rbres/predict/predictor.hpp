@@ -169,9 +169,10 @@ class Predictor {
   }
 };
 
-/// The paper's predictor: a residual network of width 256.
-template <class Scalar, int Blocks, int N = 5>
+/// The paper's predictor: a residual network of width 256. Its weights are float's, or half as large (see
+/// Network).
+template <class Scalar, int Blocks, int N = 5, class Weight = Scalar>
 using ResidualPredictor =
-    Predictor<ResidualNetwork<Scalar, Encoding<N>::inputs, 256, Blocks, Encoding<N>::outputs>, N>;
+    Predictor<ResidualNetwork<Scalar, Encoding<N>::inputs, 256, Blocks, Encoding<N>::outputs, Weight>, N>;
 
 }  // namespace rbres::RBRES_ABI
