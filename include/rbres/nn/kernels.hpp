@@ -76,6 +76,7 @@ template <int Rows, int Vectors, class T, int Row, int Step, class W, class Fini
 [[gnu::always_inline]] inline void tile(std::ptrdiff_t depth, Left<T, Row, Step> a, Panels<const W> b,
                                         const W* ahead, const Finish& finish) {
   constexpr int width = simd_width<T>;
+  constexpr bool paired = Vectors == 2 && lanes<T> >= 2 * width;  // two registers of one panel
   Simd<T> sum[std::size_t(Rows)][std::size_t(Vectors)] = {};
   const W* right = b.data;
   for (std::ptrdiff_t panel = 0; panel < depth; panel += lanes<T>, a.data += a.panel) {
@@ -83,8 +84,13 @@ template <int Rows, int Vectors, class T, int Row, int Step, class W, class Fini
     for (std::ptrdiff_t k = 0; k < count; ++k, right += lanes<T>, ahead += lanes<T>) {
       __builtin_prefetch(ahead, 0, 2);
       Simd<T> column[std::size_t(Vectors)];
+      if constexpr (paired) {
+        load_two(right, column[0], column[Vectors - 1]);
+      } else {
 #pragma GCC unroll 16
-      for (int v = 0; v < Vectors; ++v) column[v] = load(Panels<const W>{right, b.columns}.at(v * width, 0));
+        for (int v = 0; v < Vectors; ++v)
+          column[v] = load(Panels<const W>{right, b.columns}.at(v * width, 0));
+      }
 #pragma GCC unroll 16
       for (int r = 0; r < Rows; ++r) {
         const T x = a.data[std::ptrdiff_t{r} * Row + k * Step];
@@ -94,9 +100,11 @@ template <int Rows, int Vectors, class T, int Row, int Step, class W, class Fini
     }
   }
 #pragma GCC unroll 16
-  for (int r = 0; r < Rows; ++r)
+  for (int r = 0; r < Rows; ++r) {
+    if constexpr (paired) reorder_two<W>(sum[r][0], sum[r][Vectors - 1]);
 #pragma GCC unroll 16
     for (int v = 0; v < Vectors; ++v) finish(r, v * width, sum[r][v]);
+  }
 }
 
 /// The same for any number of rows, in tiles as even as possible, all of an even number of rows but a last
@@ -162,8 +170,18 @@ template <class T, class W, class Finish>
   for (int lane = 0; lane < out; lane += lanes<T>, weights += in * lanes<T>) {
     Simd<T> sum[parts][std::size_t(vectors)] = {};
     const auto add = [&](std::ptrdiff_t k, int part) {
+      const W* column = weights + k * lanes<T>;
+      if constexpr (vectors == 1) {
+        sum[part][0] += x[k] * load(column);
+      } else {
 #pragma GCC unroll 16
-      for (int v = 0; v < vectors; ++v) sum[part][v] += x[k] * load(weights + k * lanes<T> + v * width);
+        for (int v = 0; v < vectors; v += 2) {
+          Simd<T> a, b;
+          load_two(column + v * width, a, b);
+          sum[part][v] += x[k] * a;
+          sum[part][v + 1] += x[k] * b;
+        }
+      }
     };
     const std::ptrdiff_t whole = in / parts * parts;
     for (std::ptrdiff_t k = 0; k < whole; k += parts) {
@@ -173,8 +191,10 @@ template <class T, class W, class Finish>
     }
     for (std::ptrdiff_t k = whole; k < in; ++k) add(k, 0);
 #pragma GCC unroll 16
-    for (int v = 0; v < vectors; ++v)
-      finish(0, lane + v * width, (sum[0][v] + sum[1][v]) + (sum[2][v] + sum[3][v]));
+    for (int v = 0; v < vectors; ++v) sum[0][v] = (sum[0][v] + sum[1][v]) + (sum[2][v] + sum[3][v]);
+    if constexpr (vectors == 2) reorder_two<W>(sum[0][0], sum[0][vectors - 1]);
+#pragma GCC unroll 16
+    for (int v = 0; v < vectors; ++v) finish(0, lane + v * width, sum[0][v]);
   }
 }
 

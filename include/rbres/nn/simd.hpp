@@ -65,8 +65,9 @@ template <class T>
 
 /// A register of floats from numbers of half their size.
 [[gnu::always_inline]] inline Simd<float> load(const bfloat16* from) noexcept {
-#if defined(__AVX512F__)
-  return (Simd<float>)_mm512_slli_epi32(_mm512_cvtepu16_epi32(_mm256_loadu_si256((const __m256i*)from)), 16);
+#if defined(__AVX512F__)  // zero-masked with every lane kept, as in root_of_lanes()
+  const __m256i halves = _mm256_loadu_si256((const __m256i*)from);
+  return (Simd<float>)_mm512_maskz_slli_epi32(0xffff, _mm512_maskz_cvtepu16_epi32(0xffff, halves), 16);
 #elif defined(__AVX2__)
   return (Simd<float>)_mm256_slli_epi32(_mm256_cvtepu16_epi32(_mm_loadu_si128((const __m128i*)from)), 16);
 #else
@@ -76,6 +77,39 @@ template <class T>
   return (Simd<float>)(__builtin_convertvector(halves, Simd<std::uint32_t>) << 16);
 #endif
 }
+
+/// Two neighbouring registers of weights, in an order in which they are had soonest.
+/// @{
+template <class T>
+[[gnu::always_inline]] inline void load_two(const T* from, Simd<T>& a, Simd<T>& b) noexcept {
+  a = load(from);
+  b = load(from + simd_width<T>);
+}
+[[gnu::always_inline]] inline void load_two(const bfloat16* from, Simd<float>& a, Simd<float>& b) noexcept {
+#if defined(__AVX2__) && !defined(__AVX512F__)
+  const __m256i halves = _mm256_loadu_si256((const __m256i*)from);
+  a = (Simd<float>)_mm256_unpacklo_epi16(_mm256_setzero_si256(), halves);  // numbers 0-3, 8-11
+  b = (Simd<float>)_mm256_unpackhi_epi16(_mm256_setzero_si256(), halves);
+#else
+  a = load(from);
+  b = load(from + simd_width<float>);
+#endif
+}
+/// @}
+
+/// Puts sums over what load_two() gave in the order of the weights.
+/// @{
+template <class W, class V>
+[[gnu::always_inline]] inline void reorder_two([[maybe_unused]] V& a, [[maybe_unused]] V& b) noexcept {
+#if defined(__AVX2__) && !defined(__AVX512F__)
+  if constexpr (std::is_same_v<W, bfloat16>) {
+    const __m256 low = (__m256)a, high = (__m256)b;
+    a = (V)_mm256_permute2f128_ps(low, high, 0x20);
+    b = (V)_mm256_permute2f128_ps(low, high, 0x31);
+  }
+#endif
+}
+/// @}
 
 template <class T>
 [[gnu::always_inline]] inline void store(T* to, const Simd<T>& x) noexcept {
