@@ -11,10 +11,10 @@
 namespace rbres::bench {
 namespace {
 
-template <int Blocks>
+template <class Network, int Blocks>
 void infer(benchmark::State& state, int batch) {
-  const auto network = std::make_unique<Network<Blocks>>(1);
-  typename Network<Blocks>::Workspace workspace;
+  const auto network = std::make_unique<Network>(1);
+  typename Network::Workspace workspace;
   const Eigen::MatrixXf inputs = Eigen::MatrixXf::Random(95, batch);
   Eigen::MatrixXf outputs(65, batch);
   measure(state, "us_per_call", batch * forward_operations(Blocks), [&] {
@@ -40,7 +40,15 @@ void register_rows() {
     benchmark::RegisterBenchmark(name.c_str(), run)->Unit(benchmark::kMicrosecond);
   };
   for (const int batch : infer_batches)
-    row(infer_row(Blocks, batch, "rbres"), [batch](benchmark::State& state) { infer<Blocks>(state, batch); });
+    row(infer_row(Blocks, batch, "rbres"),
+        [batch](benchmark::State& state) { infer<Network<Blocks>, Blocks>(state, batch); });
+  // The same with weights of half the size, beside itself.
+  using Half = ResidualNetwork<float, 95, 256, Blocks, 65, bfloat16>;
+  for (const int batch : {1, 2, 4, 8, 64}) {
+    const std::string work = detail::text("half/K", Blocks, "/B", batch);
+    row(work + "/rbres/bfloat16", [batch](benchmark::State& state) { infer<Half, Blocks>(state, batch); });
+    row(work + "/float", [batch](benchmark::State& state) { infer<Network<Blocks>, Blocks>(state, batch); });
+  }
   for (const int batch : train_batches)
     for (const int threads : {1, 2})
       row(train_row(Blocks, batch, threads, "rbres"),

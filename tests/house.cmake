@@ -39,6 +39,8 @@ rbres_compile_test(observer_other_arguments observer.cpp "called as .double time
 rbres_compile_test(observer_changes_the_state observer.cpp "called as .double time" -DRBRES_CHANGES_THE_STATE)
 rbres_compile_test(observer_returns_a_number observer.cpp "returns nothing, or bool" -DRBRES_RETURNS_A_NUMBER)
 rbres_compile_test(observer_other_impact observer.cpp "impact is called as" -DRBRES_OTHER_IMPACT)
+rbres_compile_test(train_whole_weights train_half.cpp "")
+rbres_compile_test(train_half_weights train_half.cpp "train a network of whole ones" -DRBRES_WEIGHTS=rbres::bfloat16)
 
 # The proof that comes with the library, as a test.
 if(TARGET rbres_validate)

@@ -52,6 +52,10 @@ void train(const Options& o, PredictorOf<A> predictor, const ScenarioData& data,
                    scenario_system<Set, 5>(o.world));
   };
   const Metrics model = error(predictor);
+  using Whole = typename PredictorOf<A>::Network;
+  using Half = Network<float, typename Whole::Architecture, bfloat16>;
+  const Metrics half = error(Predictor<Half, 5>{Half(predictor.network), predictor.input, predictor.output,
+                                                predictor.flow, predictor.target, predictor.horizon});
   const Metrics flow = error(ContactFree{free_flow<Set>(), o.horizon});
   for (const double x :
        {model.position, model.orientation, model.velocity, model.angular_velocity, model.angle, model.energy})
@@ -62,9 +66,11 @@ void train(const Options& o, PredictorOf<A> predictor, const ScenarioData& data,
   std::printf("  %-18s %12s %12s %12s %12s %10s %8s\n", "", "position", "orientation", "velocity",
               "ang. vel.", "angle deg", "ECE %");
   print_row("model", model);
+  print_row("model, bfloat16", half);
   print_row("contact-free flow", flow);
   finish(o, files,
          {{"model", paper::to_json(model)},
+          {"model, bfloat16", paper::to_json(half)},
           {"contact-free flow", paper::to_json(flow)},
           {"test_scenarios", tenth}},
          trained);
