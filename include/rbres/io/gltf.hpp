@@ -15,7 +15,7 @@
 #include <rbres/body/system.hpp>
 #include <rbres/io/gltf_file.hpp>
 #include <rbres/io/gltf_mesh.hpp>
-#include <rbres/io/json_file.hpp>
+#include <rbres/io/utf8.hpp>
 
 namespace rbres::RBRES_ABI {
 

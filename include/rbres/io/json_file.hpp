@@ -31,13 +31,6 @@ inline void write_text(const std::filesystem::path& path, const std::string& byt
   file.commit();
 }
 
-/// Whether all names and strings are UTF-8, as JSON must be.
-template <class AnyJson>
-bool is_utf8(const AnyJson& json) {
-  // What is not is left out of the text, which then says something else.
-  return AnyJson::parse(json.dump(-1, ' ', false, AnyJson::error_handler_t::ignore)) == json;
-}
-
 /// The object that the file holds; Error where it holds anything else.
 inline Json read_json(const std::filesystem::path& path) {
   Json found = Json::parse(read_text(path), nullptr, false);

@@ -21,8 +21,8 @@
 #include <rbres/io/atomic_file.hpp>
 #include <rbres/io/digest.hpp>
 #include <rbres/io/file.hpp>
-#include <rbres/io/json_file.hpp>
 #include <rbres/io/safetensors_header.hpp>
+#include <rbres/io/utf8.hpp>
 
 namespace rbres::RBRES_ABI {
 

@@ -8,6 +8,7 @@
 
 #include <rbres/body/check_state.hpp>
 #include <rbres/io/dataset_folder.hpp>
+#include <rbres/io/utf8.hpp>
 #include <rbres/io/world_setting.hpp>
 #include <rbres/sim/transitions.hpp>
 
