@@ -185,7 +185,10 @@ template <class T, class W, class Finish>
     };
     const std::ptrdiff_t whole = in / parts * parts;
     for (std::ptrdiff_t k = 0; k < whole; k += parts) {
-      __builtin_prefetch(weights + k * lanes<T> + 4096 / sizeof(W));
+      constexpr std::ptrdiff_t line = 64 / sizeof(W), away = 64 * line;
+#pragma GCC unroll 16
+      for (std::ptrdiff_t at = 0; at < parts * lanes<T>; at += line)
+        __builtin_prefetch(weights + k * lanes<T> + away + at);
 #pragma GCC unroll 16
       for (int part = 0; part < parts; ++part) add(k + part, part);
     }
