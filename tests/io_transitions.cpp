@@ -193,6 +193,15 @@ TEST_CASE("another world, other forces, starts or options are refused, and nothi
   CHECK(files(path) == before);
   CHECK(contains(write(world, forces, start, 0), "number of transitions: expected 1 or more, found 0"));
   CHECK(contains(write(world, forces, start, count, options, {.starts = "\xff"}), "expected UTF-8"));
+  SimulationOptions bad = options;
+  bad.duration = 0;
+  CHECK(contains(write(world, forces, start, count, bad, {}),
+                 "duration of transitions: expected more than 0 s"));
+  bad.duration = std::numeric_limits<double>::quiet_NaN();
+  CHECK(contains(write(world, forces, start, count, bad, {}), "duration: expected"));
+  const auto endless = Forces{Gravity{Vec3{0.0, 0.0, -HUGE_VAL}}, Damping{0.1, 0.2}};
+  CHECK(contains(write(world, endless, start),
+                 "setting of a data set: /forces/0/g/2: expected a finite number"));
   CHECK(contains(error_of([&] {
                    write_transitions(folder / "d", world, forces, Rk4{}, 2, start, options,
                                      {.starts = std::string(2'000'000, 'x')});

@@ -74,6 +74,38 @@ TEST_CASE("absent bodies stay as they are and change nothing") {
   }
 }
 
+TEST_CASE("a number of bodies that cannot be present is the nearest, and refused where many are predicted") {
+  const Small p = predictor(Target::residual);
+  const State y = random_state<State>(1);
+  const Small::Wrenches w = random_wrenches();
+  for (const int present : {6, 300, std::numeric_limits<int>::max()})
+    CHECK(p.predict(y, w, present) == p.predict(y, w));
+  for (const int present : {-1, -300, std::numeric_limits<int>::min()})
+    CHECK(p.predict(y, w, present) == p.predict(y, w, 0));
+  CHECK(p.predict(y, w, 0) == y);
+  Small::Batch batch(1);
+  std::vector<State> next{y};
+  const std::vector<Small::Wrenches> wrenches{w};
+  for (const int present : {-1, 6}) {
+    CHECK_THROWS_WITH_AS(p.predict(y, wrenches, next, batch, present),
+                         detail::text("bodies present: expected 0 to 5, found ", present).c_str(), Error);
+    CHECK(next[0] == y);
+  }
+}
+
+TEST_CASE("a flow that is not finite is not trained on") {
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), HUGE_VAL}) {
+    Small p = predictor(Target::residual);
+    p.flow.gravity.g.z = bad;
+    const double horizon = p.horizon;
+    Transitions<5> data{0.5, std::vector<Start<5>>(2), std::vector<State>(2), {}};
+    CHECK_THROWS_WITH_AS(
+        (TrainingSet<Small>(p, data, 0, 2)),
+        detail::text("forces of the predictor's flow: expected finite numbers, found ", bad).c_str(), Error);
+    CHECK(p.horizon == horizon);
+  }
+}
+
 TEST_CASE("a residual network that says nothing gives the contact-free flow") {
   Small p = predictor(Target::residual);
   std::fill(p.network.parameters().begin(), p.network.parameters().end(), 0.0f);

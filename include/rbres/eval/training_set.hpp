@@ -21,9 +21,9 @@ class TrainingSet {
  public:
   /// Encodes the first n of `transitions`: Transitions of the user's own world, or others with the same
   /// members. Sets the predictor's horizon, and its normalisers from transitions first_train ... n - 1 alone:
-  /// those that train. Throws Error for numbers that the data does not have; for data of which a number is
-  /// not finite or beyond 1e9 (SI): no rigid body is there, and beside it a normaliser would see nothing
-  /// else; and for Transitions with an orientation that is no unit quaternion.
+  /// those that train. Throws Error for numbers that the data does not have; for a flow that is not finite;
+  /// for data of which a number is not finite or beyond 1e9 (SI): no rigid body is there, and beside it a
+  /// normaliser would see nothing else; and for Transitions with an orientation that is no unit quaternion.
   template <class Data>
   TrainingSet(Predictor& predictor, const Data& transitions, Eigen::Index first_train, Eigen::Index n,
               int threads = 0, Normalization normalization = Normalization::fit) {
@@ -37,6 +37,11 @@ class TrainingSet {
     if (first_train < 0 || first_train >= n)
       detail::refuse("first training transition", detail::text("0 to ", n - 1), first_train);
     if constexpr (std::is_same_v<Data, Transitions<Predictor::bodies>>) check(transitions);
+    const auto& flow = predictor.flow;
+    for (const double x :
+         {flow.gravity.g.x, flow.gravity.g.y, flow.gravity.g.z, flow.friction.density, flow.friction.drag,
+          flow.friction.rotational_drag, flow.damping.linear, flow.damping.angular})
+      if (!std::isfinite(x)) detail::refuse("forces of the predictor's flow", "finite numbers", x);
     predictor.horizon = transitions.horizon;
     encode(predictor, transitions, first_train, n, threads, normalization);
   }

@@ -24,7 +24,7 @@ namespace rbres::RBRES_ABI {
 namespace detail {
 
 /// Whether a namespace of one's own may have this name: an identifier that C++ neither takes for itself nor
-/// reserves ([lex.key], [lex.name], [namespace.std]), and not this library's.
+/// reserves ([lex.key], [lex.name], [namespace.std]), no macro by its looks, and not this library's.
 inline bool is_namespace_name(std::string_view name) {
   constexpr std::string_view letters = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_";
   constexpr std::string_view taken[] = {
@@ -41,10 +41,13 @@ inline bool is_namespace_name(std::string_view name) {
       "static_cast", "struct",   "switch",     "template",  "this",      "thread_local", "throw",
       "true",        "try",      "typedef",    "typeid",    "typename",  "union",        "unsigned",
       "using",       "virtual",  "void",       "volatile",  "wchar_t",   "while",        "xor",
-      "xor_eq",      "main",     "posix",      "std",       "Eigen",     "rbres"};
+      "xor_eq",      "main",     "posix",      "errno",     "stdin",     "stdout",       "stderr",
+      "assert",      "std",      "Eigen",      "rbres"};
   if (name.empty() || name.front() == '_' || letters.find(name.front()) == name.npos) return false;
   if (name.find_first_not_of(text(letters, "0123456789")) != name.npos || name.find("__") != name.npos)
     return false;
+  // Names without a small letter are macros, such as NULL.
+  if (name.find_first_of("abcdefghijklmnopqrstuvwxyz") == name.npos) return false;
   const bool is_std = name.starts_with("std") && name.find_first_not_of("0123456789", 3) == name.npos;
   return !is_std && std::ranges::find(taken, name) == std::end(taken);
 }

@@ -98,6 +98,10 @@ void write_transitions(const std::filesystem::path& path, const System<double, N
                        const TransitionSetOptions& set = {},
                        const std::function<void(std::ptrdiff_t)>& progress = {}) {
   constexpr std::ptrdiff_t lanes = detail::double_lanes;
+  options.check();
+  if (!(options.duration > 0)) detail::refuse("duration of transitions", "more than 0 s", options.duration);
+  if (!detail::is_utf8(detail::Json(set.starts)))
+    detail::refuse("what draws the starts", "UTF-8", "something else");
   if (count < 1) detail::refuse("number of transitions", "1 or more", count);
   if (set.piece < 1) detail::refuse("transitions of a piece", "1 or more", set.piece);
   const auto make = [&](std::ptrdiff_t first, std::ptrdiff_t size) {
@@ -119,7 +123,7 @@ void write_transitions(const std::filesystem::path& path, const System<double, N
                        {"max_events", options.max_events},
                        {"transitions", count}};
   setting.update(detail::world_setting(system, forces));
-  if (!detail::is_utf8(setting)) detail::refuse("what draws the starts", "UTF-8", "something else");
+  detail::check_numbers(setting);
   // Functions do not say what they compute: the first transitions stand for them.
   const detail::Json probe =
       detail::Json::object({{"first_transitions", make(0, std::min(lanes, count)).digest()}});

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <tuple>
 
 #include <rbres/body/system.hpp>
@@ -57,6 +58,14 @@ void add_forces(Json& all, const Damping<T>& damping) {
 template <class... Models>
 void add_forces(Json& all, const Forces<Models...>& forces) {
   std::apply([&](const auto&... models) { (add_forces(all, models), ...); }, forces.models);
+}
+
+/// Refuses numbers that JSON does not have, by their place.
+inline void check_numbers(const Json& setting) {
+  const Json flat = setting.flatten();
+  for (const auto& entry : flat.items())
+    if (entry.value().is_number_float() && !std::isfinite(entry.value().get<double>()))
+      refuse("setting of a data set: " + entry.key(), "a finite number", entry.value().get<double>());
 }
 
 /// The bodies, planes and forces of a world.

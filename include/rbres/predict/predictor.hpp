@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <functional>
 #include <rbres/nn/residual_network.hpp>
 #include <rbres/predict/encoding.hpp>
@@ -47,7 +48,8 @@ class Predictor {
   Target target = Target::residual;
   double horizon = 0.02;  ///< s
 
-  /// The state `horizon` later, under these constant wrenches. Bodies from `present` on are absent.
+  /// The state `horizon` later, under these constant wrenches. Bodies from `present` on are absent; it counts
+  /// as 0 below 0, and as N above N.
   State predict(const State& state, const Wrenches& wrench, int present = N) const noexcept {
     return decode(state, wrench, network.forward(encode(state, wrench, present)), present);
   }
@@ -75,7 +77,7 @@ class Predictor {
   /// Many at once, which costs less than one by one: next[i] is the state `horizon` after states[i] under
   /// wrenches[i]; `next` may be `states` itself. Agrees with the above but for rounding; allocates nothing.
   /// Throws Error, before anything is done, where the spans are not of one size, `next` begins elsewhere in
-  /// `states`, or the batch has less room.
+  /// `states`, the batch has less room, or `present` is not 0 to N.
   void predict(std::span<const State> states, std::span<const Wrenches> wrenches, std::span<State> next,
                Batch& batch, int present = N) const {
     if (states.size() != next.size())
@@ -104,15 +106,16 @@ class Predictor {
 
   /// The network's normalised input; what it is trained on.
   typename Net::Input encode(const State& state, const Wrenches& wrench, int present) const noexcept {
-    typename Net::Input x = input.normalize(Code::encode(state, wrench, present).template cast<Scalar>());
-    x.tail(19 * (N - present)).setZero();
+    const int some = std::clamp(present, 0, N);
+    typename Net::Input x = input.normalize(Code::encode(state, wrench, some).template cast<Scalar>());
+    x.tail(19 * (N - some)).setZero();
     return x;
   }
 
   /// The state that the network's normalised output `y` means for this start.
   State decode(const State& state, const Wrenches& wrench, const typename Net::Output& y,
                int present) const noexcept {
-    return corrected(state, base(state, wrench), y, present);
+    return corrected(state, base(state, wrench), y, std::clamp(present, 0, N));
   }
 
   /// What the network's output is added to.
@@ -127,6 +130,7 @@ class Predictor {
   /// start's.
   typename Code::template Output<double> wanted(const State& state, const Wrenches& wrench, State truth,
                                                 int present) const noexcept {
+    present = std::clamp(present, 0, N);
     if (target == Target::state) {
       for (int b = 0; b < present; ++b) {
         const auto q = Code::encode(state, wrench, present).template segment<4>(19 * b + 3).eval();
@@ -150,6 +154,7 @@ class Predictor {
   void predict_each(const StateOf& state, std::span<const Wrenches> wrenches, std::span<State> next,
                     Batch& batch, int present) const {
     const std::ptrdiff_t count = std::ssize(next);
+    if (present < 0 || present > N) detail::refuse("bodies present", detail::text("0 to ", N), present);
     if (std::ssize(wrenches) != count)
       detail::refuse("wrenches to predict under", detail::text(count), wrenches.size());
     if (count > batch.inputs_.cols())
