@@ -36,6 +36,9 @@ foreach(level sse2 avx2)
 endforeach()
 target_compile_options(rbres_sse2 INTERFACE -march=x86-64)
 target_compile_options(rbres_avx2 INTERFACE -march=x86-64-v3)
+# x86-64 with the code that serves any processor, which takes the place of SSE2's where this macro is missing.
+add_library(rbres_generic INTERFACE)
+target_compile_options(rbres_generic INTERFACE -march=x86-64 -U__SSE2__)
 
 # rbres_program(NAME SOURCE... [LIBRARIES ...]): one executable of ours.
 function(rbres_program name)
