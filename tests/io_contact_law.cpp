@@ -35,6 +35,20 @@ TEST_CASE("a contact law is read as it was written, frame time and all") {
   CHECK(read.scales.frame_time == law.scales.frame_time);
   CHECK(read.scales.speed == law.scales.speed);
   CHECK(read.scales.margin == law.scales.margin);
+  CHECK(read.scales.moment == ContactMoment::halfway);
+  CHECK(!SafetensorsReader(folder / "law.safetensors").metadata().contains("moment"));
+}
+
+TEST_CASE("a contact law of impacts is read as one, and another moment is refused") {
+  const TemporaryFolder folder;
+  const auto path = folder / "law.safetensors";
+  Law law = some_law();
+  law.scales.moment = ContactMoment::impact;
+  save(path, law);
+  CHECK(load<Law>(path).scales.moment == ContactMoment::impact);
+  save(path, some_law(), {{"moment", "later"}});
+  CHECK(contains(error_of([&] { load<Law>(path); }),
+                 "metadata 'moment': expected halfway or impact, found later"));
 }
 
 TEST_CASE("a hybrid is read as it was written, and is no contact law") {

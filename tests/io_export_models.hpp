@@ -30,6 +30,7 @@ inline auto exported_law() { return any_law<rbres::ContactLaw<6, 2>>(); }
 inline auto exported_hybrid() {
   auto law = any_law<rbres::HybridLaw<5, 1, double>>();
   law.weight = 0.3;
+  law.scales.moment = rbres::ContactMoment::impact;
   return law;
 }
 

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <limits>
+#include <rbres/contact/contact_query.hpp>
 #include <rbres/learn/hybrid_law.hpp>
 #include <rbres/learn/rollouts.hpp>
 
@@ -38,16 +39,55 @@ Trajectory pile(const std::vector<int>& kinds, std::uint64_t seed) {
   return {bodies, states};
 }
 
-/// The worst error of the derivatives by the network's parameters, over the largest of them. `reaches` is
-/// the least number of contact points that the last frame must have.
+/// The same a little apart and closing in, so that they meet in the second frame or the third.
+Trajectory closing(const std::vector<int>& kinds, const Plane<double>& floor) {
+  Random r(3);
+  std::vector<Body<double>> bodies;
+  std::vector<RigidState<double>> start;
+  for (const int kind : kinds) {
+    const double number = static_cast<double>(bodies.size());
+    bodies.push_back({shapes[static_cast<std::size_t>(kind)], 0.7 + 0.6 * number});
+    RigidState<double>& y = start.emplace_back();
+    y.position = {0.02 * number, 0.03 * number, 2};
+    y.orientation = random_orientation(r);
+    y.velocity = Vec3<double>{0, 0, -1 - 1.0 * number} + random_vector(r, 0.1);
+    y.angular_velocity = random_vector(r, 2);
+    const SceneSystem all(bodies, {floor});
+    double apart = 2;
+    for (double step = 1; step > 1e-9; step /= 2) {
+      y.position.z = apart - step;
+      const SceneState now{start};
+      bool meets = false;
+      for ([[maybe_unused]] const auto& contact : contacts(all, now)) meets = true;
+      if (!meets) apart -= step;
+    }
+    y.position.z = apart + 0.02;
+  }
+  std::vector<RigidState<double>> states;
+  for (int t = 0; t < 4; ++t) {
+    for (RigidState<double> y : start) {
+      y.position += random_vector(r, 0.01);
+      states.push_back(y);
+    }
+    if (t == 0) states = start;
+  }
+  return {bodies, states};
+}
+
+/// Checks the derivatives of a pile's rollouts by the network's parameters. `reaches` is the least number of
+/// contact points that the last frame must have.
 template <class L = Law>
 void check_pile(const std::vector<int>& kinds, std::size_t reaches,
-                SceneStep::Velocity velocity = SceneStep::Velocity::instant, const PhysicsTerms& terms = {}) {
+                SceneStep::Velocity velocity = SceneStep::Velocity::instant, const PhysicsTerms& terms = {},
+                ContactMoment moment = ContactMoment::halfway) {
   using Net = typename L::Network;
   for (const int kind : kinds) CAPTURE(kind);
   auto law = random_law<L>(7, 0.3);
+  law.scales.moment = moment;
   if constexpr (L::corrects) law.weight = 0.7;
-  const TrajectorySet set(0.01, {0.3, 0, -9.81}, {{{0, 0, 1}, 0.01, {}}}, {pile(kinds, 3)});
+  const Plane<double> floor{{0, 0, 1}, 0.01, {}};
+  const bool impact = moment == ContactMoment::impact;
+  const TrajectorySet set(0.01, {0.3, 0, -9.81}, {floor}, {impact ? closing(kinds, floor) : pile(kinds, 3)});
   constexpr double infinite = std::numeric_limits<double>::infinity();
   // Caps stay far away: beyond them there is no derivative.
   const Rollouts<L> rollouts(law, set, 3, 1, {{100, 1e4}, {1, 1e4}, {1, 1e4}, {0.1, 1e4}, infinite, terms},
@@ -63,7 +103,17 @@ void check_pile(const std::vector<int>& kinds, std::size_t reaches,
     CHECK(without.value(network, items, scratch) < 0.999 * value);
   }
   CHECK(scratch.frames[2].contacts.contacts.size() >= reaches);
-  if constexpr (L::corrects) CHECK(scratch.frames[0].answered != scratch.frames[0].flown);
+  if (impact) {
+    // Moments that depend on what the frames before have done.
+    int moments = 0;
+    for (const std::size_t frame : {1u, 2u})
+      for (const auto& contact : scratch.frames[frame].contacts.contacts) moments += contact.moment.touching;
+    CHECK(moments > 0);
+  }
+  if constexpr (L::corrects) {
+    const auto& frame = scratch.frames[impact ? 2 : 0];
+    CHECK(frame.answered != frame.flown);
+  }
   double worst = 0, largest = 0;
   for (const ParameterTensor& tensor : Net::tensors()) {
     for (int row = 0; row < tensor.rows; ++row) {
@@ -107,6 +157,19 @@ TEST_CASE("rollouts of velocities that are means have the derivatives of central
 
 TEST_CASE("rollouts of a correction of the analytic law have the derivatives of central differences") {
   for (const auto& kinds : {std::vector{1}, {0, 1}, {1, 1}, {2, 0, 1}}) check_pile<Hybrid>(kinds, 3);
+}
+
+TEST_CASE("rollouts of impacts at their own moments have the derivatives of central differences") {
+  constexpr auto instant = SceneStep::Velocity::instant;
+  const auto check = [&](const std::vector<int>& kinds) {
+    check_pile(kinds, 1, instant, {}, ContactMoment::impact);
+  };
+  for (int first = 0; first < 3; ++first) {
+    check({first});
+    for (int second = 0; second < 3; ++second) check({first, second});
+  }
+  check({0, 2, 0});
+  check_pile<Hybrid>({2, 0, 1}, 1, instant, {.energy = 10, .penetration = 300}, ContactMoment::impact);
 }
 
 TEST_CASE("terms of physics have the derivatives of central differences") {

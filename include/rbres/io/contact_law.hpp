@@ -27,6 +27,8 @@ struct ContactLawFormat {
     file.metadata["frame_time"] = detail::numbers_to_text(scales.segment<1>(0));
     file.metadata["speed"] = detail::numbers_to_text(scales.segment<1>(1));
     file.metadata["margin"] = detail::numbers_to_text(scales.segment<1>(2));
+    // Files of laws that look halfway are those of versions that knew nothing else.
+    if (law.scales.moment != ContactMoment::halfway) file.metadata["moment"] = name(law.scales.moment);
     if constexpr (Model::corrects) {
       const Eigen::Matrix<double, 1, 1> weight(law.weight);
       detail::require_within("weight of a saved hybrid", weight, Bounds{});
@@ -44,6 +46,7 @@ struct ContactLawFormat {
     law.scales.frame_time = number(file, "frame_time");
     law.scales.speed = number(file, "speed");
     law.scales.margin = number(file, "margin");
+    law.scales.moment = moment(file);
     if constexpr (Model::corrects) law.weight = number(file, "weight", {});
     return law;
   }
@@ -59,6 +62,13 @@ struct ContactLawFormat {
                           ", outputs ", Net::outputs)},
             {"scalar", std::is_same_v<typename Model::Scalar, float> ? "float32" : "float64"}};
   }
+  static ContactMoment moment(const SafetensorsReader& file) {
+    const auto found = file.metadata().find("moment");
+    if (found == file.metadata().end()) return ContactMoment::halfway;
+    for (const ContactMoment m : {ContactMoment::halfway, ContactMoment::impact})
+      if (found->second == name(m)) return m;
+    refuse(text(file.path().string(), ": metadata 'moment'"), "halfway or impact", found->second);
+  }
   static Scales numbers(const ContactScales& scales) {
     return {scales.frame_time, scales.speed, scales.margin};
   }
@@ -73,7 +83,8 @@ struct ContactLawFormat {
 
 /// A contact law's file: the tensors of its networks, "0.0.weight" and so on (part, layer), and in the
 /// metadata what they are ("contact_law": width, rounds, features and outputs; "scalar"), the normalisation
-/// ("input_mean", "input_deviation") and the scales ("frame_time" in s, "speed" in m/s, "margin" in m).
+/// ("input_mean", "input_deviation") and the scales ("frame_time" in s, "speed" in m/s, "margin" in m; "moment": halfway, also where it is not
+/// there, or impact).
 template <int Width, int Rounds, std::floating_point T>
 struct ModelFormat<ContactLaw<Width, Rounds, T>> : detail::ContactLawFormat<ContactLaw<Width, Rounds, T>> {};
 

@@ -28,7 +28,9 @@ void export_law(const Law& law, const std::filesystem::path& path, std::string_v
       weights_reader<T>("Law::Network", "law.network"),
       "  for (int i = 0; i < Law::Network::inputs; ++i) {\n    law.input.mean[i] = input_mean[i];\n"
       "    law.input.deviation[i] = input_deviation[i];\n  }\n"
-      "  law.scales = {.frame_time = scales[0], .speed = scales[1], .margin = scales[2]};\n",
+      "  law.scales = {.frame_time = scales[0], .speed = scales[1], .margin = scales[2], .moment = "
+      "rbres::ContactMoment::",
+      rbres::name(law.scales.moment), "};\n",
       Law::corrects ? "  law.weight = scales[3];\n" : "", "  return law;\n}\n\n}  // namespace ", name, "\n");
   file.write(all.data(), all.size());
   file.commit();

@@ -8,19 +8,6 @@
 
 namespace rbres::RBRES_ABI {
 
-/// The speeds and lengths that a contact law counts in, so that a small, slow world and a large, fast one
-/// look alike to its network.
-struct ContactScales {
-  double frame_time = 0.01;  ///< s
-  double speed = 1;          ///< of contacts that matter, m/s
-  double margin = 2e-3;      ///< contacts whose gap is smaller, before or after free flight, take part, m
-
-  /// The way of a frame, m.
-  double gap() const { return speed * frame_time; }
-  /// Slower slip and spin have no clear direction: tangential impulses fade with them, m/s.
-  double slip() const { return 0.02 * speed; }
-};
-
 namespace detail {
 
 /// x / sqrt(1 + x^2), and its derivative.
@@ -35,15 +22,17 @@ struct Contact {
 
   int first, second;  ///< indices of bodies; first is -1 - p for plane p
   int place;          ///< of the pair's manifold
+  Moment moment;      ///< at which it is looked at
   Surface<double> surface;
   ContactPlace at;
 
   std::array<Vec3<double>, 2> arm;  ///< from the bodies' centres to the point, m
   Vec3<double> relative, mean;      ///< velocity of the second body's point less the first's, m/s: after the
-                                    ///< free flight, and over it
+                                    ///< free flight or at the impact, and over the frame
   double gap_before, gap_after;     ///< m
   double presence;                  ///< 1 where the surfaces touch, 0 at the margin
   double normal_speed, slip;        ///< m/s; slip is never quite 0
+  double unit;                      ///< of speed, in which the network counts this contact's impulses, m/s
   Vec3<double> tangent;             ///< along the slip, shorter than 1 where it is slow
   double twist, twist_size, twist_sign;  ///< spin about the normal, rad/s: signed, its size and its soft sign
   double normal_mobility, tangent_mobility;  ///< 1/kg; tangent: mean over the plane's directions
@@ -95,20 +84,23 @@ inline void measure(Contact& c, const FlightPair<const ContactFlight>& flight, c
   for (std::size_t b = c.plane() ? 1 : 0; b < 2; ++b) {
     const ContactFlight& f = *flight[b];
     const double sign = b == 1 ? 1 : -1;
-    c.arm[b] = c.at.point - f.middle;
+    c.arm[b] = c.at.point - position_at(f, c.moment, scales.frame_time);
     const Vec3<double> turning = cross(f.spin, c.arm[b]);
-    c.relative += sign * (f.velocity + turning);
+    c.relative += sign * (velocity_at(f, c.moment) + turning);
     c.mean += sign * (f.mean_velocity + turning);
     spin += sign * f.spin;
     const Mobility own = mobility_of(f.inverse_mass, f.inverse_inertia, c.arm[b], n);
     mobility.normal += own.normal, mobility.trace += own.trace, mobility.twist += own.twist;
     inverse_length += 1 / norm(c.arm[b]);
   }
-  const double half_way = 0.5 * scales.frame_time * dot(n, c.mean);
-  c.gap_before = c.at.gap - half_way;
-  c.gap_after = c.at.gap + half_way;
+  const double opening = scales.frame_time * dot(n, c.mean);
+  c.gap_before = c.at.gap - c.moment.share * opening;
+  c.gap_after = c.at.gap + (1 - c.moment.share) * opening;
   c.presence = clamp(1 - c.smallest_gap() / scales.margin, 0.0, 1.0);
   c.normal_speed = dot(n, c.relative);
+  c.unit = scales.moment == ContactMoment::impact
+               ? std::sqrt(square(c.normal_speed) + square(scales.slip()))
+               : scales.speed;
   const Vec3<double> along = c.relative - c.normal_speed * n;
   c.slip = std::sqrt(squared_norm(along) + square(scales.slip()));
   c.tangent = (1 / c.slip) * along;
@@ -152,9 +144,10 @@ struct ContactGradient {
   ContactPlace at{};
   std::array<Vec3<double>, 2> arm{};
   Vec3<double> tangent{}, side{};
-  double gap_before = 0, gap_after = 0, presence = 0, twist_sign = 0, normal_mobility = 0,
-         tangent_mobility = 0, twist_mobility = 0, length = 0, response = 0, swerve = 0, along_tangent = 0,
-         across = 0, along_side = 0;
+  double share = 0;  ///< of the moment
+  double gap_before = 0, gap_after = 0, presence = 0, normal_speed = 0, unit = 0, twist_sign = 0,
+         normal_mobility = 0, tangent_mobility = 0, twist_mobility = 0, length = 0, response = 0, swerve = 0,
+         along_tangent = 0, across = 0, along_side = 0;
 };
 
 /// The way back through the features that measure_responses() fills in.
@@ -171,8 +164,8 @@ inline void add_response_features_gradient(const Contact& c, const ContactScales
       (f[17] * c.along_tangent + f[18] * c.across + f[19] * c.along_side) / square(c.tangent_mobility);
 }
 
-/// The way back through the other features and measure(): completes `by.at`, and adds to the derivatives by
-/// the flights.
+/// The way back through the other features and measure(): completes `by.at` and `by.share`, and adds to the
+/// derivatives by the flights.
 inline void add_measure_gradient(const Contact& c, const FlightPair<const ContactFlight>& flight,
                                  const ContactScales& scales, const Contact::Features& by_features,
                                  ContactGradient& by, const FlightPair<ContactFlight>& by_flight) {
@@ -184,7 +177,8 @@ inline void add_measure_gradient(const Contact& c, const FlightPair<const Contac
                      f[2] * squash_slope(10 * c.gap_before / g) * 10 / g;
   double by_after = by.gap_after + f[1] * squash_slope(c.gap_after / (4 * g)) / g +
                     f[3] * squash_slope(10 * c.gap_after / g) * 10 / g;
-  double by_normal_speed = f[4] / v;
+  double by_normal_speed = f[4] / v + by.normal_speed;
+  if (scales.moment == ContactMoment::impact) by_normal_speed += by.unit * c.normal_speed / c.unit;
   double by_slip = f[5] / v + f[6] * squash_slope(10 * c.slip / v) * 10 / v;
   const double by_twist_size = f[7] * c.length / v;
   double by_length = by.length + f[7] * c.twist_size / v + f[10] / c.length;
@@ -204,9 +198,11 @@ inline void add_measure_gradient(const Contact& c, const FlightPair<const Contac
   const Vec3<double> by_relative = by_relative_tangent + by_normal_speed * n;
 
   by.at.gap += by_before + by_after;
-  const double by_opening = 0.5 * scales.frame_time * (by_after - by_before);
+  const double share = c.moment.share;
+  const double by_opening = scales.frame_time * ((1 - share) * by_after - share * by_before);
   by_n += by_opening * c.mean;
   const Vec3<double> by_mean = by_opening * n;
+  by.share -= scales.frame_time * dot(n, c.mean) * (by_before + by_after);
 
   const double faint2 = square(scales.slip() / c.length), size = c.twist_size;
   const double by_twist = by_twist_size * c.twist_sign + by.twist_sign * faint2 / (size * size * size);
@@ -225,8 +221,9 @@ inline void add_measure_gradient(const Contact& c, const FlightPair<const Contac
     const Vec3<double>& r = c.arm[b];
     Vec3<double> by_arm = by.arm[b];
 
-    to.velocity += sign * by_relative;
-    to.mean_velocity += sign * by_mean;
+    to.velocity += (sign * c.moment.late) * by_relative;
+    to.mean_velocity += sign * (by_mean + (1 - c.moment.late) * by_relative);
+    by.share += 2 * sign * dot(own.velocity - own.mean_velocity, by_relative);
     const Vec3<double> by_turning = sign * (by_relative + by_mean);
     to.spin += cross(r, by_turning) + (sign * by_twist) * n;
     by_arm += cross(by_turning, own.spin);
@@ -250,7 +247,7 @@ inline void add_measure_gradient(const Contact& c, const FlightPair<const Contac
     by_arm -= (by_inverse_length / (norm(r) * r2)) * r;
 
     by.at.point += by_arm;
-    to.middle -= by_arm;
+    add_position_gradient(own, c.moment, scales.frame_time, -by_arm, to, by.share);
   }
 }
 

@@ -68,7 +68,8 @@ struct ContactFrame {
       flights.push_back(contact_flight(scene.bodies[i], start[i], flown[i], scales.frame_time));
       const ContactFlight& f = flights.back();
       const double radius = scene.bodies[i].bounding_radius();
-      reach_.push_back(radius + 0.5 * scales.frame_time * (norm(f.mean_velocity) + radius * norm(f.spin)) +
+      const double way = norm(f.mean_velocity) + 0.5 * norm(f.velocity - f.mean_velocity);
+      reach_.push_back(radius + 0.5 * scales.frame_time * (way + radius * norm(f.spin)) +
                        0.5 * scales.margin);
     }
     const auto middle = [&](int i) -> const Vec3<double>& {
@@ -146,7 +147,10 @@ struct ContactFrame {
     contact.second = static_cast<int>(base + i);
     contact.surface = {combined_restitution(plane.material, body.material()),
                        combined_friction(plane.material, body.material())};
-    with_places(plane, body, f, [&](const auto& m) { add_points(contact, m, 1, scales); });
+    with_places(plane, body, f, scales, [&](const auto& m, const Moment& moment) {
+      contact.moment = moment;
+      add_points(contact, m, 1, scales);
+    });
   }
 
   template <class Shape>
@@ -159,7 +163,8 @@ struct ContactFrame {
     contact.second = static_cast<int>(base + j);
     contact.surface = {combined_restitution(first.material(), second.material()),
                        combined_friction(first.material(), second.material())};
-    with_places(first, f, second, g, [&](const auto& m) {
+    with_places(first, f, second, g, scales, [&](const auto& m, const Moment& moment) {
+      contact.moment = moment;
       add_points(contact, m, second.inverse_mass() / (first.inverse_mass() + second.inverse_mass()), scales);
     });
   }

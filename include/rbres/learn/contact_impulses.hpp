@@ -15,19 +15,22 @@ struct ContactImpulse {
   double left;           ///< time from the impulse to the end of the frame, s
 };
 
-/// How much of the frame is left when it acts, from 0 to 1.
-inline double share_left(double x) { return 0.5 * (1 + squash(x)); }
+/// How much of the frame is left when it acts, from 0 to 1: for an output of 0 as much as at the contact's
+/// moment.
+inline double share_left(const Contact& c, double x) {
+  return (1 - c.moment.share) * (1 + squash(x));
+}
 
 inline ContactImpulse impulse_of(const Contact& c, const ContactImpulse::Outputs& o,
                                  const ContactScales& scales) {
-  const double speed = c.presence * scales.speed;
+  const double speed = c.presence * c.unit;
   const Vec3<double>& n = c.at.normal;
   // Along the surface nothing else has a direction: one across the slip would turn round where bodies change
   // places.
   return {(speed * o[0] / c.normal_mobility) * n -
               (speed / c.tangent_mobility) * (o[1] * c.tangent + o[4] * c.side),
           (-speed * o[2] * c.twist_sign / (c.length * c.twist_mobility)) * n,
-          scales.frame_time * share_left(o[3])};
+          scales.frame_time * share_left(c, o[3])};
 }
 
 /// The sums of what all contacts do to a body. With doubles this is also the layout of a derivative.
@@ -60,7 +63,7 @@ inline void add_impulse(const Contact& c, const ContactImpulse& impulse,
                         const FlightPair<const ContactFlight>& flight, const ContactScales& scales,
                         const FlightPair<BodyImpulse>& sums) {
   const Vec3<double> point =
-      c.at.point + (0.5 * scales.frame_time - impulse.left) * point_velocity(c, flight);
+      c.at.point + ((1 - c.moment.share) * scales.frame_time - impulse.left) * point_velocity(c, flight);
   for (std::size_t b = c.plane() ? 1 : 0; b < 2; ++b) {
     const double sign = b == 1 ? 1 : -1;
     BodyImpulse& sum = *sums[b];
@@ -82,7 +85,7 @@ inline ContactImpulse::Outputs add_impulse_gradient(const Contact& c, const Cont
                                                     ContactGradient& by,
                                                     const FlightPair<ContactFlight>& by_flight) {
   const ContactImpulse impulse = impulse_of(c, o, scales);
-  const double since = 0.5 * scales.frame_time - impulse.left;
+  const double since = (1 - c.moment.share) * scales.frame_time - impulse.left;
   const Vec3<double> velocity = point_velocity(c, flight), point = c.at.point + since * velocity;
   Vec3<double> by_linear, by_angular, by_point;
   double by_left = 0;
@@ -102,6 +105,7 @@ inline ContactImpulse::Outputs add_impulse_gradient(const Contact& c, const Cont
   }
   by.at.point += by_point;
   by_left -= dot(velocity, by_point);
+  by.share -= scales.frame_time * (dot(velocity, by_point) + (1 + squash(o[3])) * by_left);
   if (c.plane()) {
     by_flight[1]->mean_velocity += since * by_point;
   } else {
@@ -109,11 +113,12 @@ inline ContactImpulse::Outputs add_impulse_gradient(const Contact& c, const Cont
     by_flight[1]->mean_velocity += (0.5 * since) * by_point;
   }
 
-  const double v = scales.speed;
+  const double v = c.unit;
   const Vec3<double>& n = c.at.normal;
   ContactImpulse::Outputs by_o;
 
   const double by_normal = dot(n, by_linear), per_normal = v / c.normal_mobility;
+  by.unit += c.presence / c.normal_mobility * o[0] * by_normal;
   by.at.normal += (c.presence * per_normal * o[0]) * by_linear;
   by_o[0] = c.presence * per_normal * by_normal;
   by.presence += per_normal * o[0] * by_normal;
@@ -126,6 +131,7 @@ inline ContactImpulse::Outputs add_impulse_gradient(const Contact& c, const Cont
   by_o[4] = along * dot(c.side, by_linear);
   const double by_along = dot(o[1] * c.tangent + o[4] * c.side, by_linear);
   by.presence += per_tangent * by_along;
+  by.unit += along / v * by_along;
   by.tangent_mobility -= along * by_along / c.tangent_mobility;
 
   const double by_twist = dot(n, by_angular), per_twist = -v / (c.length * c.twist_mobility);
@@ -133,11 +139,12 @@ inline ContactImpulse::Outputs add_impulse_gradient(const Contact& c, const Cont
   by.at.normal += twist * by_angular;
   by_o[2] = c.presence * per_twist * c.twist_sign * by_twist;
   by.presence += per_twist * o[2] * c.twist_sign * by_twist;
+  by.unit += twist / v * by_twist;
   by.twist_sign += c.presence * per_twist * o[2] * by_twist;
   by.length -= twist * by_twist / c.length;
   by.twist_mobility -= twist * by_twist / c.twist_mobility;
 
-  by_o[3] = 0.5 * scales.frame_time * squash_slope(o[3]) * by_left;
+  by_o[3] = (1 - c.moment.share) * scales.frame_time * squash_slope(o[3]) * by_left;
   return by_o;
 }
 

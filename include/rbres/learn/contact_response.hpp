@@ -15,13 +15,18 @@ struct BodyResponse {
   Vec3<double> velocity, angular_velocity;  ///< what they change, world frame, m/s and rad/s
 };
 
-/// The speed that a trial push makes up for, m/s: that which ends the overlap in which the free flight ends.
+/// The speed that a trial push makes up for, m/s: that of an impact's approach, or that which ends the overlap
+/// in which the free flight ends.
 struct TrialSpeed {
-  double value, by_gap;
-  TrialSpeed(double gap_after, const ContactScales& scales) {
-    const double x = -gap_after / scales.frame_time, size = std::sqrt(x * x + square(scales.slip()));
+  double value, by_speed, by_gap;
+  TrialSpeed(const Contact& c, const ContactScales& scales) {
+    const bool impact = scales.moment == ContactMoment::impact;
+    const double x = impact ? -c.normal_speed : -c.gap_after / scales.frame_time;
+    const double size = std::sqrt(x * x + square(scales.slip()));
     value = 0.5 * (x + size);  // never quite 0, and smooth
-    by_gap = -0.5 * (1 + x / size) / scales.frame_time;
+    const double slope = 0.5 * (1 + x / size);
+    by_speed = impact ? -slope : 0;
+    by_gap = impact ? 0 : -slope / scales.frame_time;
   }
 };
 
@@ -49,7 +54,7 @@ inline void measure_responses(std::span<Contact> contacts, std::span<const Conta
                               std::size_t first, const ContactScales& scales,
                               std::span<BodyResponse> bodies) {
   for (Contact& c : contacts) {
-    c.push = c.presence * TrialSpeed(c.gap_after, scales).value / c.normal_mobility;
+    c.push = c.presence * TrialSpeed(c, scales).value / c.normal_mobility;
     const auto sums = pair_of(c, bodies);
     for (std::size_t b = c.plane() ? 1 : 0; b < 2; ++b) {
       const Vec3<double> impulse = (b == 1 ? c.push : -c.push) * c.at.normal;
@@ -138,9 +143,10 @@ inline void add_push_gradient(const Contact& c, const ContactScales& scales,
     by.at.normal += (sign * c.push) * by_impulse;
     by.arm[b] += (sign * c.push) * cross(n, by_body[b]->moment);
   }
-  const TrialSpeed speed(c.gap_after, scales);
+  const TrialSpeed speed(c, scales);
   by.presence += speed.value / c.normal_mobility * by_push;
   by.gap_after += c.presence * speed.by_gap / c.normal_mobility * by_push;
+  by.normal_speed += c.presence * speed.by_speed / c.normal_mobility * by_push;
   by.normal_mobility -= c.push / c.normal_mobility * by_push;
 }
 

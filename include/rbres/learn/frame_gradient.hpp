@@ -74,7 +74,7 @@ class FrameGradient {
     back_through_contacts(law, network, frame, terms, shares, gradient);
     if constexpr (Law::corrects) back_through_answers(scenes, frame, time);
     for (std::size_t k = 0; k < frame.contacts.contacts.size();)
-      k = back_through_places(bodies, planes, frame.contacts, k);
+      k = back_through_places(bodies, planes, frame.contacts, law.scales, k);
     for (std::size_t i = 0; i < count; ++i) {
       add_flight_gradient((*bodies[i])[0], frame.start[i], frame.flown[i], time, by_flights_[i], by_start[i],
                           by_flown_[i]);
@@ -164,24 +164,27 @@ class FrameGradient {
   /// another pair.
   std::size_t back_through_places(std::span<const System<double, 1>* const> bodies,
                                   const std::vector<Plane<double>>& planes, const typename Law::Frame& frame,
-                                  std::size_t k) {
+                                  const ContactScales& scales, std::size_t k) {
     const Contact& c = frame.contacts[k];
     std::size_t end = k;
     std::array<const ContactPlace*, 12> by_place{};
+    double by_share = 0;
     for (; end < frame.contacts.size(); ++end) {
       const Contact& other = frame.contacts[end];
       if (other.first != c.first || other.second != c.second) break;
       by_place[static_cast<std::size_t>(other.place)] = &by_contacts_[end].at;
+      by_share += by_contacts_[end].share;
     }
     const auto by = [&](int place) { return by_place[static_cast<std::size_t>(place)]; };
     const auto second = static_cast<std::size_t>(c.second);
     if (c.plane()) {
       add_place_gradient(planes[static_cast<std::size_t>(-1 - c.first)], (*bodies[second])[0],
-                         frame.flights[second], by, by_flights_[second]);
+                         frame.flights[second], c.moment, scales, by, by_share, by_flights_[second]);
     } else {
       const auto first = static_cast<std::size_t>(c.first);
       add_place_gradient((*bodies[first])[0], frame.flights[first], (*bodies[second])[0],
-                         frame.flights[second], by, by_flights_[first], by_flights_[second]);
+                         frame.flights[second], c.moment, scales, by, by_share, by_flights_[first],
+                         by_flights_[second]);
     }
     return end;
   }

@@ -117,6 +117,7 @@ class Rollouts {
     digest.add(&loss_.largest_growth, 1);
     for (const double x : {loss_.physics.energy, loss_.physics.penetration, loss_.physics.complementarity})
       digest.add(&x, 1);
+    digest.add(static_cast<std::uint64_t>(law_.scales.moment));
     for (const auto& term : {loss_.position, loss_.rotation, loss_.velocity, loss_.spin})
       for (const double x : {term.weight, term.cap}) digest.add(&x, 1);
     digest.add(law_.input.mean.data(), static_cast<std::size_t>(law_.input.mean.size()));
