@@ -22,7 +22,8 @@ inline Quat<double> random_orientation(Random& r) {
   return normalized(Quat<double>{x, y, z, w});
 }
 
-/// A law that knows nothing, with impulses of any kind, but no larger than those of contacts.
+/// A law that knows nothing, with impulses of any kind, but no larger than those of contacts. Odd ones look at
+/// impacts.
 template <class Law>
 Law random_law(std::uint64_t seed, double margin) {
   Law law;
@@ -30,7 +31,10 @@ Law random_law(std::uint64_t seed, double margin) {
   law.network = Network(seed);
   for (auto& weight : law.network.parameters().subspan(Network::offset(Network::rounds)))
     weight *= static_cast<typename Law::Scalar>(0.1);
-  law.scales = {.frame_time = 0.01, .speed = 0.5, .margin = margin};
+  law.scales = {.frame_time = 0.01,
+                .speed = 0.5,
+                .margin = margin,
+                .moment = seed % 2 == 0 ? ContactMoment::halfway : ContactMoment::impact};
   return law;
 }
 
