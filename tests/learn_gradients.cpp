@@ -79,7 +79,7 @@ Trajectory closing(const std::vector<int>& kinds, const Plane<double>& floor) {
 template <class L = Law>
 void check_pile(const std::vector<int>& kinds, std::size_t reaches,
                 SceneStep::Velocity velocity = SceneStep::Velocity::instant, const PhysicsTerms& terms = {},
-                ContactMoment moment = ContactMoment::halfway) {
+                ContactMoment moment = ContactMoment::halfway, bool resisted = false) {
   using Net = typename L::Network;
   for (const int kind : kinds) CAPTURE(kind);
   auto law = random_law<L>(7, 0.3);
@@ -87,7 +87,19 @@ void check_pile(const std::vector<int>& kinds, std::size_t reaches,
   if constexpr (L::corrects) law.weight = 0.7;
   const Plane<double> floor{{0, 0, 1}, 0.01, {}};
   const bool impact = moment == ContactMoment::impact;
-  const TrajectorySet set(0.01, {0.3, 0, -9.81}, {floor}, {impact ? closing(kinds, floor) : pile(kinds, 3)});
+  const Trajectory still = impact ? closing(kinds, floor) : pile(kinds, 3);
+  Resistance resistance;
+  std::vector<Wrench<double>> wrenches;
+  if (resisted) {
+    // So strong that a frame shows it.
+    resistance = {{.density = 30, .rotational_drag = 1}, {.linear = 3, .angular = 5}};
+    Random r(9);
+    for (std::size_t i = 0; i < kinds.size(); ++i)
+      wrenches.push_back({random_vector(r, 20), random_vector(r, 1)});
+  }
+  std::vector<Body<double>> bodies;
+  for (int i = 0; i < still.bodies(); ++i) bodies.push_back(still.body(i));
+  const TrajectorySet set(0.01, {0.3, 0, -9.81}, {floor}, {{bodies, still.states(), wrenches}}, resistance);
   constexpr double infinite = std::numeric_limits<double>::infinity();
   // Caps stay far away: beyond them there is no derivative.
   const Rollouts<L> rollouts(law, set, 3, 1, {{100, 1e4}, {1, 1e4}, {1, 1e4}, {0.1, 1e4}, infinite, terms},
@@ -170,6 +182,14 @@ TEST_CASE("rollouts of impacts at their own moments have the derivatives of cent
   }
   check({0, 2, 0});
   check_pile<Hybrid>({2, 0, 1}, 1, instant, {.energy = 10, .penetration = 300}, ContactMoment::impact);
+}
+
+TEST_CASE("rollouts in a fluid, of bodies with wrenches, have the derivatives of central differences") {
+  constexpr auto instant = SceneStep::Velocity::instant, mean = SceneStep::Velocity::mean;
+  check_pile({0}, 1, instant, {}, ContactMoment::halfway, true);
+  check_pile({1, 0}, 1, mean, {}, ContactMoment::halfway, true);
+  check_pile({2, 1}, 1, instant, {}, ContactMoment::impact, true);
+  check_pile<Hybrid>({2, 0, 1}, 3, instant, {}, ContactMoment::halfway, true);
 }
 
 TEST_CASE("terms of physics have the derivatives of central differences") {

@@ -22,8 +22,8 @@ inline Quat<double> random_orientation(Random& r) {
   return normalized(Quat<double>{x, y, z, w});
 }
 
-/// A law that knows nothing, with impulses of any kind, but no larger than those of contacts. Odd ones look at
-/// impacts.
+/// A law that knows nothing, with impulses of any kind, but no larger than those of contacts. Odd ones look
+/// at impacts.
 template <class Law>
 Law random_law(std::uint64_t seed, double margin) {
   Law law;

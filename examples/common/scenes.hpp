@@ -16,14 +16,14 @@ class FreeFlight {
  public:
   FreeFlight(const TrajectorySet& set, const Trajectory& scene, SceneStep::Velocity velocity)
       : system_(scene_system(set, scene)),
-        gravity_{set.gravity()},
+        forces_(scene_forces(set, scene)),
         velocity_(velocity),
         h_(set.frame_time()) {}
-  void operator()(SceneState& state) { detail::fly_on(velocity_, system_, gravity_, state, h_); }
+  void operator()(SceneState& state) { detail::fly_on(velocity_, system_, forces_, state, h_); }
 
  private:
   SceneSystem system_;
-  Gravity<double> gravity_;
+  SceneForces forces_;
   SceneStep::Velocity velocity_;
   double h_;
 };

@@ -48,7 +48,7 @@ struct FluidFriction {
   T rotational_drag = T(0.01);  ///< C_r
 
   /// Whether it exerts a torque.
-  bool turns() const { return rotational_drag != T(0); }
+  bool turns() const { return density != T(0) && rotational_drag != T(0); }
 
   /// The force on a body, and the torque.
   template <class S, class Shape>

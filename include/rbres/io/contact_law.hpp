@@ -83,8 +83,8 @@ struct ContactLawFormat {
 
 /// A contact law's file: the tensors of its networks, "0.0.weight" and so on (part, layer), and in the
 /// metadata what they are ("contact_law": width, rounds, features and outputs; "scalar"), the normalisation
-/// ("input_mean", "input_deviation") and the scales ("frame_time" in s, "speed" in m/s, "margin" in m; "moment": halfway, also where it is not
-/// there, or impact).
+/// ("input_mean", "input_deviation") and the scales ("frame_time" in s, "speed" in m/s, "margin" in m;
+/// "moment": halfway, also where it is not there, or impact).
 template <int Width, int Rounds, std::floating_point T>
 struct ModelFormat<ContactLaw<Width, Rounds, T>> : detail::ContactLawFormat<ContactLaw<Width, Rounds, T>> {};
 

@@ -30,8 +30,8 @@ void export_law(const Law& law, const std::filesystem::path& path, std::string_v
       "    law.input.deviation[i] = input_deviation[i];\n  }\n"
       "  law.scales = {.frame_time = scales[0], .speed = scales[1], .margin = scales[2], .moment = "
       "rbres::ContactMoment::",
-      rbres::name(law.scales.moment), "};\n",
-      Law::corrects ? "  law.weight = scales[3];\n" : "", "  return law;\n}\n\n}  // namespace ", name, "\n");
+      rbres::name(law.scales.moment), "};\n", Law::corrects ? "  law.weight = scales[3];\n" : "",
+      "  return law;\n}\n\n}  // namespace ", name, "\n");
   file.write(all.data(), all.size());
   file.commit();
 }

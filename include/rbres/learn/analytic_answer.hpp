@@ -28,10 +28,12 @@ class AnalyticAnswer {
     std::copy(after.body.begin(), after.body.end(), states.begin());
   }
 
-  /// Adds to the derivatives by `flown`, given those by `answered`, which resolve() made of it. The forces
-  /// must not depend on the states: what they add to velocities in a frame counts as given.
-  void add_gradient(const Scene& scene, States start, States flown, States answered, double h,
-                    States by_answered, std::span<RigidState<double>> by_flown) {
+  /// Adds to the derivatives by `flown` and `start`, given those by `answered`, which resolve() made of them.
+  /// Where no force resists motion, what forces add to velocities in a frame is given, and the start follows
+  /// from the end: the derivative by it is part of that by `flown`, for half the work.
+  void add_gradient(const Scene& scene, States start, States flown, States answered, double h, bool resisted,
+                    States by_answered, std::span<RigidState<double>> by_flown,
+                    std::span<RigidState<double>> by_start) {
     left_.clear();
     for (std::size_t i = 0; i < flown.size(); ++i) {
       if (answered[i] == flown[i]) {
@@ -42,7 +44,7 @@ class AnalyticAnswer {
     }
     while (!left_.empty()) {
       take_group(scene, flown);
-      back_through_group(scene, start, flown, h, by_answered, by_flown);
+      back_through_group(scene, start, flown, h, resisted, by_answered, by_flown, by_start);
     }
   }
 
@@ -68,8 +70,9 @@ class AnalyticAnswer {
   }
 
   /// Once for each of its bodies, by whose 13 numbers all others are derived.
-  void back_through_group(const Scene& scene, States start, States flown, double h, States by_answered,
-                          std::span<RigidState<double>> by_flown) {
+  void back_through_group(const Scene& scene, States start, States flown, double h, bool resisted,
+                          States by_answered, std::span<RigidState<double>> by_flown,
+                          std::span<RigidState<double>> by_start) {
     std::vector<Body<D>> bodies;
     for (const std::size_t i : group_) bodies.push_back(scene[static_cast<int>(i)].template cast<D>());
     std::vector<Plane<D>> planes;
@@ -80,23 +83,19 @@ class AnalyticAnswer {
     before.body.resize(group_.size());
     after.body.resize(group_.size());
     ContactTally<D> tally;
-    for (const std::size_t by : group_) {
+    const auto derive = [&](std::size_t by, bool by_the_start) {
       for (std::size_t k = 0; k < group_.size(); ++k) {
         const RigidState<double>&from = start[group_[k]], &to = flown[group_[k]];
-        RigidState<D>& y = after.body[k];
-        if (group_[k] == by) {
-          y = {dual_vector<13>(to.position, 0), dual_quaternion<13>(to.orientation, 3),
-               dual_vector<13>(to.velocity, 7), dual_vector<13>(to.angular_velocity, 10)};
-        } else {
-          const Quat<double>& q = to.orientation;
-          y = {constant_vector<13>(to.position),
-               {D(q.x), D(q.y), D(q.z), D(q.w)},
-               constant_vector<13>(to.velocity),
-               constant_vector<13>(to.angular_velocity)};
+        const bool own = group_[k] == by;
+        after.body[k] = own && !by_the_start ? inputs(to) : constants(to);
+        if (resisted) {
+          before.body[k] = own && by_the_start ? inputs(from) : constants(from);
+          continue;
         }
         // The flight began with what it ended with, but for what the forces did.
         const Vec3<double> gained = to.velocity - from.velocity;
         const Vec3<double> way = to.position - from.position - h * to.velocity;
+        const RigidState<D>& y = after.body[k];
         before.body[k] = y;
         before.body[k].velocity = y.velocity - constant_vector<13>(gained);
         before.body[k].position = y.position - D(h) * y.velocity - constant_vector<13>(way);
@@ -109,9 +108,28 @@ class AnalyticAnswer {
         g += pull_back<13>(w.position, y.position) + pull_back<13>(w.orientation, y.orientation) +
              pull_back<13>(w.velocity, y.velocity) + pull_back<13>(w.angular_velocity, y.angular_velocity);
       }
-      by_flown[by].vector() += g;
+      (by_the_start ? by_start : by_flown)[by].vector() += g;
+    };
+    for (const std::size_t by : group_) {
+      derive(by, false);
+      if (resisted) derive(by, true);
     }
   }
+
+  /// A state as the 13 inputs by which all is derived, or as given.
+  /// @{
+  static RigidState<D> inputs(const RigidState<double>& y) {
+    return {dual_vector<13>(y.position, 0), dual_quaternion<13>(y.orientation, 3),
+            dual_vector<13>(y.velocity, 7), dual_vector<13>(y.angular_velocity, 10)};
+  }
+  static RigidState<D> constants(const RigidState<double>& y) {
+    const Quat<double>& q = y.orientation;
+    return {constant_vector<13>(y.position),
+            {D(q.x), D(q.y), D(q.z), D(q.w)},
+            constant_vector<13>(y.velocity),
+            constant_vector<13>(y.angular_velocity)};
+  }
+  /// @}
 
   std::vector<std::size_t> left_, group_;
 };

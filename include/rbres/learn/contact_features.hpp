@@ -98,9 +98,8 @@ inline void measure(Contact& c, const FlightPair<const ContactFlight>& flight, c
   c.gap_after = c.at.gap + (1 - c.moment.share) * opening;
   c.presence = clamp(1 - c.smallest_gap() / scales.margin, 0.0, 1.0);
   c.normal_speed = dot(n, c.relative);
-  c.unit = scales.moment == ContactMoment::impact
-               ? std::sqrt(square(c.normal_speed) + square(scales.slip()))
-               : scales.speed;
+  c.unit = scales.moment == ContactMoment::impact ? std::sqrt(square(c.normal_speed) + square(scales.slip()))
+                                                  : scales.speed;
   const Vec3<double> along = c.relative - c.normal_speed * n;
   c.slip = std::sqrt(squared_norm(along) + square(scales.slip()));
   c.tangent = (1 / c.slip) * along;

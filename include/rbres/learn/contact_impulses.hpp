@@ -17,9 +17,7 @@ struct ContactImpulse {
 
 /// How much of the frame is left when it acts, from 0 to 1: for an output of 0 as much as at the contact's
 /// moment.
-inline double share_left(const Contact& c, double x) {
-  return (1 - c.moment.share) * (1 + squash(x));
-}
+inline double share_left(const Contact& c, double x) { return (1 - c.moment.share) * (1 + squash(x)); }
 
 inline ContactImpulse impulse_of(const Contact& c, const ContactImpulse::Outputs& o,
                                  const ContactScales& scales) {

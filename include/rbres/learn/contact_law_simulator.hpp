@@ -1,6 +1,7 @@
 #pragma once
 
 #include <rbres/learn/hybrid_law.hpp>
+#include <rbres/learn/scene_forces.hpp>
 #include <rbres/learn/scene_step.hpp>
 #include <rbres/learn/scene_system.hpp>
 
@@ -16,7 +17,7 @@ class ContactLawSimulator {
   ContactLawSimulator(const TrajectorySet& set, const Trajectory& scene, const Law& law,
                       SceneStep::Velocity velocity = SceneStep::Velocity::instant)
       : system_(scene_system(set, scene)),
-        gravity_{set.gravity()},
+        forces_(scene_forces(set, scene)),
         velocity_(velocity),
         h_(set.frame_time()),
         step_(law, system_, {.step = h_}) {}
@@ -26,9 +27,9 @@ class ContactLawSimulator {
   /// One frame on. Allocates nothing.
   void operator()(SceneState& state) noexcept {
     if (velocity_ == SceneStep::Velocity::mean) {
-      step_.step(gravity_, SemiImplicitEuler{}, state, 0.0, h_, none_, tally_);
+      step_.step(forces_, SemiImplicitEuler{}, state, 0.0, h_, none_, tally_);
     } else {
-      step_.step(gravity_, Rk4{}, state, 0.0, h_, none_, tally_);
+      step_.step(forces_, Rk4{}, state, 0.0, h_, none_, tally_);
     }
   }
 
@@ -36,7 +37,7 @@ class ContactLawSimulator {
   struct NoObserver {};
 
   SceneSystem system_;
-  Gravity<double> gravity_;
+  SceneForces forces_;
   SceneStep::Velocity velocity_;
   double h_;  ///< s
   typename Law::template Step<SceneSystem> step_;

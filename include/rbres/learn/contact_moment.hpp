@@ -37,9 +37,9 @@ namespace detail {
 
 /// A moment of a frame of free flight.
 struct Moment {
-  double share = 0.5;  ///< of the frame's time that has passed
-  double bend = 0;     ///< how far paths are from their chords, in frame_time * (velocity - mean_velocity)
-  double late = 1;     ///< velocities are mean_velocity + late * (velocity - mean_velocity)
+  double share = 0.5;     ///< of the frame's time that has passed
+  double bend = 0;        ///< how far paths are from their chords, in frame_time * (velocity - mean_velocity)
+  double late = 1;        ///< velocities are mean_velocity + late * (velocity - mean_velocity)
   bool touching = false;  ///< surfaces touch at this moment, which therefore depends on the flights
 
   /// A share of the frame under a constant force.
@@ -55,7 +55,8 @@ inline Vec3<double> velocity_at(const ContactFlight& f, const Moment& m) {
 }
 /// Position of the centre; frame_time in s.
 inline Vec3<double> position_at(const ContactFlight& f, const Moment& m, double frame_time) {
-  return f.middle + frame_time * ((m.share - 0.5) * f.mean_velocity + m.bend * (f.velocity - f.mean_velocity));
+  return f.middle +
+         frame_time * ((m.share - 0.5) * f.mean_velocity + m.bend * (f.velocity - f.mean_velocity));
 }
 /// How far the body has turned since halfway, as a rotation vector in the world frame, rad.
 inline Vec3<double> turn_at(const ContactFlight& f, const Moment& m, double frame_time) {
@@ -84,8 +85,7 @@ inline void add_orientation_gradient(const ContactFlight& f, const Moment& m, do
   const Vec3<double> angle = turn_at(f, m, frame_time);
   const Quat<Dual<3>> turn = quaternion_exp(dual_vector<3>(angle, 0));
   const Eigen::Vector3d by_angle = pull_back<3>(by_orientation * f.turned.conjugate(), turn);
-  by_flight.spin +=
-      ((m.share - 0.5) * frame_time) * Vec3<double>{by_angle[0], by_angle[1], by_angle[2]};
+  by_flight.spin += ((m.share - 0.5) * frame_time) * Vec3<double>{by_angle[0], by_angle[1], by_angle[2]};
   by_flight.turned = by_flight.turned + quaternion_exp(-angle) * by_orientation;
 }
 

@@ -132,8 +132,8 @@ void add_pose_gradient(const Vector& by, int first, const ContactFlight& f, cons
   double by_share = 0;  // is in `by` already
   add_position_gradient(f, m, frame_time, {by[first], by[first + 1], by[first + 2]}, by_flight, by_share);
   if constexpr (pose_size<Shape> == 7)
-    add_orientation_gradient(f, m, frame_time,
-                             {by[first + 3], by[first + 4], by[first + 5], by[first + 6]}, by_flight);
+    add_orientation_gradient(f, m, frame_time, {by[first + 3], by[first + 4], by[first + 5], by[first + 6]},
+                             by_flight);
 }
 
 /// The derivative by all inputs of a manifold of duals, from those by its places and by the moment's share:
@@ -179,8 +179,7 @@ void add_place_gradient(const Body<double, Shape>& first, const ContactFlight& o
       Eigen::Matrix<double, all, 1> rate;
       set_pose_rate<A>(of_first, moment, time, 0, rate);
       set_pose_rate<B>(of_second, moment, time, size, rate);
-      const auto by =
-          pull_back_places<all>(detect(da, pa, db, pb), by_place, moment, rate, by_share, scales);
+      const auto by = pull_back_places<all>(detect(da, pa, db, pb), by_place, moment, rate, by_share, scales);
       add_pose_gradient<A>(by, 0, of_first, moment, time, by_first);
       add_pose_gradient<B>(by, size, of_second, moment, time, by_second);
     });

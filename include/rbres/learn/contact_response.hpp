@@ -15,8 +15,8 @@ struct BodyResponse {
   Vec3<double> velocity, angular_velocity;  ///< what they change, world frame, m/s and rad/s
 };
 
-/// The speed that a trial push makes up for, m/s: that of an impact's approach, or that which ends the overlap
-/// in which the free flight ends.
+/// The speed that a trial push makes up for, m/s: that of an impact's approach, or that which ends the
+/// overlap in which the free flight ends.
 struct TrialSpeed {
   double value, by_speed, by_gap;
   TrialSpeed(const Contact& c, const ContactScales& scales) {

@@ -3,6 +3,7 @@
 #include <rbres/learn/analytic_answer.hpp>
 #include <rbres/learn/contact_law.hpp>
 #include <rbres/learn/physics_terms.hpp>
+#include <rbres/learn/scene_forces.hpp>
 #include <rbres/learn/scene_step.hpp>
 
 #include <span>
@@ -11,22 +12,35 @@
 
 namespace rbres::RBRES_ABI::detail {
 
-/// The way back through free flight under gravity: adds to the derivative by the state where it begins.
+/// The way back through free flight: adds to the derivative by the state where it begins.
 template <class OneBody>
-void add_free_flight_gradient(SceneStep::Velocity velocity, const OneBody& alone,
-                              const Gravity<double>& gravity, const RigidState<double>& from, double time,
+void add_free_flight_gradient(SceneStep::Velocity velocity, const OneBody& alone, const SceneForces& forces,
+                              bool resisted, const RigidState<double>& from, double time,
                               const RigidState<double>& by_to, RigidState<double>& by_from) {
+  // No force depends on the place.
   by_from.position += by_to.position;
-  by_from.velocity += by_to.velocity + time * by_to.position;
-  using D = Dual<7>;
-  SystemState<D, 1> y;
-  y[0] = {constant_vector<7>(from.position), dual_quaternion<7>(from.orientation, 0),
-          constant_vector<7>(from.velocity), dual_vector<7>(from.angular_velocity, 4)};
-  fly_on(velocity, alone.template cast<D>(), gravity, y, D(time));
-  const Eigen::Matrix<double, 7, 1> g = pull_back<7>(by_to.orientation, y[0].orientation) +
-                                        pull_back<7>(by_to.angular_velocity, y[0].angular_velocity);
-  by_from.orientation = by_from.orientation + Quat<double>{g[0], g[1], g[2], g[3]};
-  by_from.angular_velocity += Vec3<double>{g[4], g[5], g[6]};
+  const auto turn = [&]<int N>(std::integral_constant<int, N>) {
+    using D = Dual<N>;
+    SystemState<D, 1> y;
+    y[0] = {constant_vector<N>(from.position), dual_quaternion<N>(from.orientation, 0),
+            constant_vector<N>(from.velocity), dual_vector<N>(from.angular_velocity, 4)};
+    if constexpr (N > 7) y[0].velocity = dual_vector<N>(from.velocity, 7);
+    fly_on(velocity, alone.template cast<D>(), forces, y, D(time));
+    Eigen::Matrix<double, N, 1> g = pull_back<N>(by_to.orientation, y[0].orientation) +
+                                    pull_back<N>(by_to.angular_velocity, y[0].angular_velocity);
+    if constexpr (N > 7) {
+      g += pull_back<N>(by_to.position, y[0].position) + pull_back<N>(by_to.velocity, y[0].velocity);
+      by_from.velocity += Vec3<double>{g[7], g[8], g[9]};
+    }
+    by_from.orientation = by_from.orientation + Quat<double>{g[0], g[1], g[2], g[3]};
+    by_from.angular_velocity += Vec3<double>{g[4], g[5], g[6]};
+  };
+  if (resisted) {
+    turn(std::integral_constant<int, 10>{});
+  } else {
+    by_from.velocity += by_to.velocity + time * by_to.position;
+    turn(std::integral_constant<int, 7>{});
+  }
 }
 
 /// One frame of a rollout: where bodies begin, where free flight takes them, where the analytic law leads
@@ -50,10 +64,11 @@ class FrameGradient {
 
   /// From the derivatives by the states where the frame ends to those by the states where it begins. Adds to
   /// the derivatives by the parameters. `shares` is what the terms of each body's contacts are multiplied
-  /// with. bodies[i] is a System of body i alone; `scenes` are the scenes of the frame, one behind the other.
+  /// with. bodies[i] is a System of body i alone, forces[i] what acts on it; `scenes` are the scenes of the
+  /// frame, one behind the other, all of the set.
   void operator()(const Law& law, const Net& network, std::span<const System<double, 1>* const> bodies,
-                  std::span<const SceneSystem* const> scenes, const std::vector<Plane<double>>& planes,
-                  const Gravity<double>& gravity, SceneStep::Velocity velocity, RolloutFrame<Law>& frame,
+                  std::span<const SceneForces* const> forces, std::span<const SceneSystem* const> scenes,
+                  const TrajectorySet& set, SceneStep::Velocity velocity, RolloutFrame<Law>& frame,
                   const PhysicsTerms& terms, std::span<const double> shares, const States& by_end,
                   States& by_start, ParameterGradient<Net>& gradient) {
     const std::size_t count = bodies.size();
@@ -72,21 +87,22 @@ class FrameGradient {
                                         by_end[i], by_answered[i]) *
                     law.weight;
     back_through_contacts(law, network, frame, terms, shares, gradient);
-    if constexpr (Law::corrects) back_through_answers(scenes, frame, time);
+    const bool resisted = set.resistance().any();
+    if constexpr (Law::corrects) back_through_answers(scenes, resisted, frame, time, by_start);
     for (std::size_t k = 0; k < frame.contacts.contacts.size();)
-      k = back_through_places(bodies, planes, frame.contacts, law.scales, k);
+      k = back_through_places(bodies, set.planes(), frame.contacts, law.scales, k);
     for (std::size_t i = 0; i < count; ++i) {
       add_flight_gradient((*bodies[i])[0], frame.start[i], frame.flown[i], time, by_flights_[i], by_start[i],
                           by_flown_[i]);
-      add_free_flight_gradient(velocity, *bodies[i], gravity, frame.start[i], time, by_flown_[i],
+      add_free_flight_gradient(velocity, *bodies[i], *forces[i], resisted, frame.start[i], time, by_flown_[i],
                                by_start[i]);
     }
   }
 
  private:
   /// From the derivatives by what the analytic law made of the frame to those by its free flight.
-  void back_through_answers(std::span<const SceneSystem* const> scenes, const RolloutFrame<Law>& frame,
-                            double time) {
+  void back_through_answers(std::span<const SceneSystem* const> scenes, bool resisted,
+                            const RolloutFrame<Law>& frame, double time, States& by_start) {
     for (std::size_t i = 0; i < by_answered_.size(); ++i) {
       // The impulses turn a body about where it was answered to be.
       by_answered_[i].position += by_flights_[i].end;
@@ -99,7 +115,8 @@ class FrameGradient {
         return std::span<const RigidState<double>>(all).subspan(base, n);
       };
       analytic_.add_gradient(*scene, part(frame.start), part(frame.flown), part(frame.answered), time,
-                             part(by_answered_), std::span(by_flown_).subspan(base, n));
+                             resisted, part(by_answered_), std::span(by_flown_).subspan(base, n),
+                             std::span(by_start).subspan(base, n));
       base += n;
     }
   }

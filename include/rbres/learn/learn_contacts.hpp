@@ -29,6 +29,8 @@ struct ContactLearning {
   double largest_gradient = 1;  ///< longer ones are clipped
   /// What is made small.
   RolloutLoss loss{};
+  /// When in a frame the law looks at contacts.
+  ContactMoment moment = ContactMoment::halfway;
   /// What the velocities of the trajectories are. A law learned from means takes SemiImplicitEuler where it
   /// is used, else Rk4.
   SceneStep::Velocity velocity = SceneStep::Velocity::instant;
@@ -84,7 +86,7 @@ void each_contact_frame(const TrajectorySet& set, const ContactScales& scales, c
       if (number++ % every != 0) continue;
       flown.clear();
       for (int i = 0; i < scene.bodies(); ++i)
-        flown.push_back(fly(System<double, 1>({scene.body(i)}), Gravity<double>{set.gravity()}, Rk4{},
+        flown.push_back(fly(System<double, 1>({scene.body(i)}), body_forces(set, scene, i), Rk4{},
                             SystemState<double, 1>{{scene.state(t, i)}}, 0.0, set.frame_time())[0]);
       contacts.clear();
       contacts.add(SceneView<AnyShape<double>>{{&scene.body(0), static_cast<std::size_t>(scene.bodies())},
@@ -100,8 +102,10 @@ void each_contact_frame(const TrajectorySet& set, const ContactScales& scales, c
 /// A law that knows the set's frame time, speeds and lengths, but nothing of its contacts: all its impulses
 /// are zero. Throws Error where no bodies of the set touch.
 template <class Law>
-Law untrained_law(const TrajectorySet& set, std::uint64_t seed) {
+Law untrained_law(const TrajectorySet& set, std::uint64_t seed,
+                  ContactMoment moment = ContactMoment::halfway) {
   Law law;
+  law.scales.moment = moment;
   law.network = typename Law::Network(seed);
   // The decoder's last layer starts at zero: without contacts learned there is free flight.
   const auto tensors = Law::Network::tensors();
@@ -152,7 +156,7 @@ class ContactTraining {
                   const ContactLearning& options = {})
       : options_(options), train_(&train), validation_(&validation) {
     options_.check();
-    law_ = untrained_law<Law>(train, options_.seed);
+    law_ = untrained_law<Law>(train, options_.seed, options_.moment);
     double work = 0;
     for (const auto& stage : options_.stages) {
       const auto windows =

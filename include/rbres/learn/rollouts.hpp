@@ -27,6 +27,8 @@ class Rollouts {
     std::vector<detail::RolloutFrame<Law>> frames;
     /// Each body alone, of all rollouts.
     std::vector<const System<double, 1>*> bodies;
+    /// What acts on them.
+    std::vector<const SceneForces*> forces;
     /// The scene of each rollout.
     std::vector<const SceneSystem*> scenes;
     std::vector<double> shares;  ///< of a body's errors in the whole
@@ -40,7 +42,8 @@ class Rollouts {
 
   /// Windows of `frames` + 1 frames, of which a scene's begin `stride` frames apart, of a set that must
   /// outlive the objective. The law gives scales and normalisation; `velocity` says what the velocities of
-  /// the set are. Throws Error where the law's frame time is not the set's, or no scene is long enough.
+  /// the set are. Throws Error where the law's frame time is not the set's, or no scene is long enough, and
+  /// for a cost of energy where wrenches add some.
   Rollouts(const Law& law, const TrajectorySet& set, int frames, int stride, const RolloutLoss& loss = {},
            SceneStep::Velocity velocity = SceneStep::Velocity::instant)
       : law_(law), set_(&set), frames_(frames), loss_(loss), velocity_(velocity) {
@@ -52,7 +55,12 @@ class Rollouts {
     for (int s = 0; s < set.size(); ++s) {
       for (int t = 0; t + frames < set[s].frames(); t += stride) windows_.push_back({s, t});
       first_.push_back(alone_.size());
-      for (int i = 0; i < set[s].bodies(); ++i) alone_.push_back(System<double, 1>({set[s].body(i)}));
+      for (int i = 0; i < set[s].bodies(); ++i) {
+        alone_.push_back(System<double, 1>({set[s].body(i)}));
+        forces_.push_back(detail::body_forces(set, set[s], i));
+      }
+      if (loss.physics.energy > 0 && !set[s].wrenches().empty())
+        detail::refuse("Rollouts: cost of energy", "none in scenes with wrenches", loss.physics.energy);
       if constexpr (Law::corrects) scenes_.push_back(scene_system(set, set[s]));
     }
     if (windows_.empty())
@@ -98,9 +106,8 @@ class Rollouts {
       if (loss_.physics.any())
         value += contact_costs(frame, own.shares) +
                  add_energy_gained(items, frame.start, end, own, own.by_energy, own.by_end);
-      own.gradient(law_, network, own.bodies, own.scenes, set_->planes(), Gravity<double>{set_->gravity()},
-                   velocity_, own.frames[index(t)], loss_.physics, own.shares, own.by_end, own.by_start,
-                   gradient);
+      own.gradient(law_, network, own.bodies, own.forces, own.scenes, *set_, velocity_, own.frames[index(t)],
+                   loss_.physics, own.shares, own.by_end, own.by_start, gradient);
       for (std::size_t i = 0; i < end.size(); ++i) own.by_start[i].vector() += own.by_energy[i].vector();
       limit_growth(items, own.by_start);
       own.by_end.swap(own.by_start);
@@ -126,6 +133,12 @@ class Rollouts {
     for (const Trajectory& scene : *set_)
       for (int t = 0; t < scene.frames(); ++t) digest.add(scene.frame(t).data(), scene.frame(t).size());
     digest.add(&set_->gravity(), 1);
+    const Resistance& resistance = set_->resistance();
+    for (const double x :
+         {resistance.friction.density, resistance.friction.drag, resistance.friction.rotational_drag,
+          resistance.damping.linear, resistance.damping.angular})
+      digest.add(&x, 1);
+    for (const Trajectory& scene : *set_) digest.add(scene.wrenches().data(), scene.wrenches().size());
     digest.add(set_->planes().data(), set_->planes().size());
     for (const System<double, 1>& alone : alone_) {
       const Body<double>& body = alone[0];
@@ -149,6 +162,7 @@ class Rollouts {
     own.frames.resize(index(frames_));
     own.states.clear();
     own.bodies.clear();
+    own.forces.clear();
     own.scenes.clear();
     own.shares.clear();
     for (const std::uint32_t item : items) {
@@ -157,8 +171,10 @@ class Rollouts {
       own.states.insert(own.states.end(), start.begin(), start.end());
       own.shares.insert(own.shares.end(), start.size(),
                         1 / static_cast<double>(index(frames_) * start.size()));
-      for (std::size_t i = 0; i < start.size(); ++i)
+      for (std::size_t i = 0; i < start.size(); ++i) {
         own.bodies.push_back(&alone_[first_[index(window.scene)] + i]);
+        own.forces.push_back(&forces_[first_[index(window.scene)] + i]);
+      }
       if constexpr (Law::corrects) own.scenes.push_back(&scenes_[index(window.scene)]);
     }
   }
@@ -169,8 +185,7 @@ class Rollouts {
     frame.flown.resize(own.states.size());
     for (std::size_t i = 0; i < own.states.size(); ++i) {
       SystemState<double, 1> alone{{frame.start[i]}};
-      detail::fly_on(velocity_, *own.bodies[i], Gravity<double>{set_->gravity()}, alone,
-                     law_.scales.frame_time);
+      detail::fly_on(velocity_, *own.bodies[i], *own.forces[i], alone, law_.scales.frame_time);
       frame.flown[i] = alone[0];
     }
     own.states = frame.flown;
@@ -269,6 +284,7 @@ class Rollouts {
   SceneStep::Velocity velocity_;
   std::vector<Window> windows_;
   std::vector<System<double, 1>> alone_;  ///< every body of every scene
+  std::vector<SceneForces> forces_;       ///< on each
   std::vector<std::size_t> first_;        ///< a scene's first body among them
   std::vector<SceneSystem> scenes_;       ///< of a law that corrects the analytic one
 };

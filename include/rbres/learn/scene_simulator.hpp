@@ -3,6 +3,7 @@
 #include <array>
 #include <concepts>
 #include <optional>
+#include <rbres/learn/scene_forces.hpp>
 #include <rbres/learn/scene_step.hpp>
 #include <rbres/learn/scene_system.hpp>
 #include <rbres/sim/discrete_contact.hpp>
@@ -40,19 +41,16 @@ class WorldNumbers {
   SceneSystem system(const TrajectorySet& set, const Trajectory& scene) const {
     return {bodies(scene), planes(set)};
   }
-  /// Gravity and damping.
-  Forces<Gravity<double>, Damping<double>> forces(const TrajectorySet& set) const {
-    const double damping = (*this)[Unknown::damping].value_or(0);
-    return {Gravity{gravity(set)}, Damping{damping, damping}};
+  /// What acts on a scene's bodies between their contacts.
+  SceneForces forces(const TrajectorySet& set, const Trajectory& scene) const {
+    const auto [friction, damping] = resistance(set);
+    return {Gravity{gravity(set)}, friction, damping, SceneWrenches{scene.wrenches()}};
   }
-  /// The same trajectories in the world of these numbers, to learn in. Throws Error where there is damping,
-  /// which a set does not have.
+  /// The same trajectories in the world of these numbers, to learn in.
   TrajectorySet world_of(const TrajectorySet& set) const {
-    if (const double damping = (*this)[Unknown::damping].value_or(0); damping != 0)
-      detail::refuse("damping of a trajectory set", "none", damping);
     std::vector<Trajectory> scenes;
-    for (const Trajectory& scene : set) scenes.emplace_back(bodies(scene), scene.states());
-    return {set.frame_time(), gravity(set), planes(set), std::move(scenes)};
+    for (const Trajectory& scene : set) scenes.emplace_back(bodies(scene), scene.states(), scene.wrenches());
+    return {set.frame_time(), gravity(set), planes(set), std::move(scenes), resistance(set)};
   }
 
  private:
@@ -73,6 +71,11 @@ class WorldNumbers {
     const Vec3<double>& g = set.gravity();
     if (const auto& strength = (*this)[Unknown::gravity]) return (*strength / norm(g)) * g;
     return g;
+  }
+  Resistance resistance(const TrajectorySet& set) const {
+    Resistance all = set.resistance();
+    if (const auto& rate = (*this)[Unknown::damping]) all.damping = {*rate, *rate};
+    return all;
   }
   Body<double> body(const Body<double>& nominal) const {
     const auto factor = [&](Unknown u) { return (*this)[u].value_or(1); };
@@ -97,7 +100,7 @@ class SceneSimulator {
   SceneSimulator(const TrajectorySet& set, const Trajectory& scene, const WorldNumbers& numbers,
                  const SceneStep& step)
       : system_(numbers.system(set, scene)),
-        forces_(numbers.forces(set)),
+        forces_(numbers.forces(set, scene)),
         step_(step),
         h_(set.frame_time() / step.steps),
         contacts_(system_) {
@@ -118,7 +121,7 @@ class SceneSimulator {
 
  private:
   SceneSystem system_;
-  Forces<Gravity<double>, Damping<double>> forces_;
+  SceneForces forces_;
   SceneStep step_;
   double h_;  ///< s
   detail::DiscreteContact<SceneSystem> contacts_;

@@ -27,7 +27,7 @@ class SpringDamperSimulator {
   /// Both must outlive it.
   SpringDamperSimulator(const TrajectorySet& set, const Trajectory& scene, const SpringDamper& law)
       : system_(WorldNumbers{}.system(set, scene)),
-        gravity_{set.gravity()},
+        forces_(scene_forces(set, scene)),
         law_(law),
         steps_(std::max(1, static_cast<int>(std::ceil(set.frame_time() / longest_step - 1e-9)))),
         h_(set.frame_time() / steps_),
@@ -38,7 +38,7 @@ class SpringDamperSimulator {
   void operator()(SceneState& state) {
     for (int k = 0; k < steps_; ++k) {
       push(state);
-      fly_on(system_, gravity_, Rk4{}, state, 0.0, h_);
+      fly_on(system_, forces_, Rk4{}, state, 0.0, h_);
     }
   }
 
@@ -101,7 +101,7 @@ class SpringDamperSimulator {
   static std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
   SceneSystem system_;
-  Gravity<double> gravity_;
+  SceneForces forces_;
   SpringDamper law_;
   int steps_;
   double h_;  ///< s
