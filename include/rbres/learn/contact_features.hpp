@@ -48,6 +48,10 @@ struct Contact {
 
   bool plane() const { return first < 0; }
   double smallest_gap() const { return std::min(gap_before, gap_after); }
+  /// The gap that decides whether the contact takes part, m.
+  double nearest(const ContactScales& scales) const {
+    return scales.moment == ContactMoment::impact ? at.gap : smallest_gap();
+  }
 };
 
 /// Whatever one body adds to a contact's mobilities.
@@ -96,7 +100,7 @@ inline void measure(Contact& c, const FlightPair<const ContactFlight>& flight, c
   const double opening = scales.frame_time * dot(n, c.mean);
   c.gap_before = c.at.gap - c.moment.share * opening;
   c.gap_after = c.at.gap + (1 - c.moment.share) * opening;
-  c.presence = clamp(1 - c.smallest_gap() / scales.margin, 0.0, 1.0);
+  c.presence = clamp(1 - c.nearest(scales) / scales.margin, 0.0, 1.0);
   c.normal_speed = dot(n, c.relative);
   c.unit = scales.moment == ContactMoment::impact ? std::sqrt(square(c.normal_speed) + square(scales.slip()))
                                                   : scales.speed;
@@ -184,8 +188,12 @@ inline void add_measure_gradient(const Contact& c, const FlightPair<const Contac
   double by_normal_mobility = by.normal_mobility + (f[8] - f[9]) / c.normal_mobility;
   const double by_tangent_mobility = by.tangent_mobility + f[9] / c.tangent_mobility;
 
-  if (c.presence > 0 && c.presence < 1)
-    (c.gap_before < c.gap_after ? by_before : by_after) -= by.presence / scales.margin;
+  if (c.presence > 0 && c.presence < 1) {
+    double& by_nearest = scales.moment == ContactMoment::impact ? by.at.gap
+                         : c.gap_before < c.gap_after           ? by_before
+                                                                : by_after;
+    by_nearest -= by.presence / scales.margin;
+  }
 
   const Vec3<double> by_along = (1 / c.slip) * by.tangent;
   by_slip -= dot(c.tangent, by_along);

@@ -116,4 +116,44 @@ void add_flight_gradient(const Body<double, Shape>& body, const RigidState<doubl
   by_to.orientation = by_to.orientation + by_sum;
 }
 
+/// The flight of a body that impulses have brought to `to`, as if it had always moved as it does after them.
+/// `gained` is what forces add to its velocity from the frame's mean to its end, m/s.
+template <class Shape>
+ContactFlight flight_after(const Body<double, Shape>& body, const RigidState<double>& to,
+                           const Vec3<double>& gained, double time) {
+  ContactFlight f;
+  f.end = to.position;
+  f.velocity = to.velocity;
+  f.mean_velocity = to.velocity - gained;
+  f.middle = to.position - (0.5 * time) * f.mean_velocity;
+  f.spin = rotate(to.orientation, to.angular_velocity);
+  f.turned = quaternion_exp((-0.5 * time) * f.spin) * to.orientation;
+  f.inverse_inertia = rotated_diagonal(rotation_matrix(f.turned), body.inverse_inertia());
+  f.inverse_mass = body.inverse_mass();
+  return f;
+}
+
+/// The way back: adds to the derivatives by the state and by what is gained.
+template <class Shape>
+void add_flight_after_gradient(const Body<double, Shape>& body, const RigidState<double>& to, double time,
+                               const ContactFlight& by_flight, RigidState<double>& by_to,
+                               Vec3<double>& by_gained) {
+  const Vec3<double> by_mean = by_flight.mean_velocity - (0.5 * time) * by_flight.middle;
+  by_to.position += by_flight.middle + by_flight.end;
+  by_to.velocity += by_flight.velocity + by_mean;
+  by_gained -= by_mean;
+  using D = Dual<7>;
+  const Quat<D> orientation = dual_quaternion<7>(to.orientation, 0);
+  const Vec3<D> spin = rotate(orientation, dual_vector<7>(to.angular_velocity, 4));
+  const Quat<D> turned = quaternion_exp(D(-0.5 * time) * spin) * orientation;
+  const Mat3<D> world = rotated_diagonal(rotation_matrix(turned), constant_vector<7>(body.inverse_inertia()));
+  Eigen::Matrix<double, 7, 1> by =
+      pull_back<7>(by_flight.spin, spin) + pull_back<7>(by_flight.turned, turned);
+  by += pull_back<7>(by_flight.inverse_inertia.x, world.x);
+  by += pull_back<7>(by_flight.inverse_inertia.y, world.y);
+  by += pull_back<7>(by_flight.inverse_inertia.z, world.z);
+  by_to.orientation = by_to.orientation + Quat<double>{by[0], by[1], by[2], by[3]};
+  by_to.angular_velocity += Vec3<double>{by[4], by[5], by[6]};
+}
+
 }  // namespace rbres::RBRES_ABI::detail

@@ -19,8 +19,12 @@ struct SceneView {
   std::span<const Plane<double>> planes;
 };
 
-/// All contacts of a frame, of one scene or of several that do not know of one another: what stands between
-/// free flight and the states after it. Bodies are counted through all scenes.
+/// Impacts of a frame that share a body are answered one after the other, up to so many of a body; after that
+/// all that are left at once.
+inline constexpr int most_impacts = 8;
+
+/// All contacts of a frame that are answered at once, of one scene or of several that do not know of one
+/// another: what stands between free flight and the states after it. Bodies are counted through all scenes.
 template <std::floating_point T>
 struct ContactFrame {
   using Columns = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
@@ -44,6 +48,8 @@ struct ContactFrame {
     contacts.reserve(most_contacts);
     ends.reserve(most_contacts);
     presence.reserve(most_contacts);
+    since_.reserve(bodies);
+    first_.reserve(bodies);
     reach_.reserve(bodies);
     order_.reserve(bodies);
     pairs_.reserve(most_contacts);
@@ -52,21 +58,51 @@ struct ContactFrame {
 
   void clear() {
     flights.clear();
-    responses.clear();
-    contacts.clear();
-    ends.clear();
-    presence.clear();
+    since_.clear();
+    clear_contacts();
   }
 
   /// Adds a scene that flies freely from `start` to `flown`.
   template <class Shape>
   void add(const SceneView<Shape>& scene, std::span<const RigidState<double>> start,
            std::span<const RigidState<double>> flown, const ContactScales& scales) {
-    const std::size_t base = flights.size(), known = contacts.size();
+    const std::size_t base = flights.size();
+    for (std::size_t i = 0; i < scene.bodies.size(); ++i)
+      flights.push_back(contact_flight(scene.bodies[i], start[i], flown[i], scales.frame_time));
+    since_.resize(flights.size(), 0);
+    find(scene, base, scales, false);
+  }
+
+  /// Whether impulses have changed paths in such a way that other impacts may follow within the frame.
+  bool goes_on(const ContactScales& scales) const {
+    return scales.moment == ContactMoment::impact && !contacts.empty();
+  }
+  /// Starts with what contacts that have been answered, its own or another frame's, leave for those that
+  /// follow. `states` is where the impulses have led; body(i) is body i.
+  template <class BodyOf>
+  void go_on(const ContactFrame& earlier, const BodyOf& body, std::span<const RigidState<double>> states,
+             const ContactScales& scales) {
+    if (&earlier != this) flights = earlier.flights, since_ = earlier.since_;
+    for (const Contact& c : earlier.contacts)
+      for (std::size_t b = c.plane() ? 1 : 0; b < 2; ++b) {
+        double& since = since_[static_cast<std::size_t>(b == 0 ? c.first : c.second)];
+        since = std::max(since, c.moment.share);
+      }
+    for (std::size_t i = 0; i < flights.size(); ++i) {
+      if (!earlier.sums[i].touched) continue;
+      const Vec3<double> gained = flights[i].velocity - flights[i].mean_velocity;
+      flights[i] = flight_after(body(i), states[i], gained, scales.frame_time);
+    }
+    clear_contacts();
+  }
+  /// Adds the contacts of a scene whose bodies are known, from number `base` on; all that there are where
+  /// they are the `last`.
+  template <class Shape>
+  void find(const SceneView<Shape>& scene, std::size_t base, const ContactScales& scales, bool last) {
+    const std::size_t known = contacts.size();
     reach_.clear();
     for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
-      flights.push_back(contact_flight(scene.bodies[i], start[i], flown[i], scales.frame_time));
-      const ContactFlight& f = flights.back();
+      const ContactFlight& f = flights[base + i];
       const double radius = scene.bodies[i].bounding_radius();
       const double way = norm(f.mean_velocity) + 0.5 * norm(f.velocity - f.mean_velocity);
       reach_.push_back(radius + 0.5 * scales.frame_time * (way + radius * norm(f.spin)) +
@@ -88,7 +124,8 @@ struct ContactFrame {
     for (const Candidate& pair : pairs_)
       add_pair(scene, static_cast<std::size_t>(pair.first), static_cast<std::size_t>(pair.second), base,
                scales);
-    responses.resize(flights.size());
+    if (scales.moment == ContactMoment::impact && !last) keep_first(known);
+    responses.resize(base + scene.bodies.size());
     measure_responses(std::span(contacts).subspan(known), flights, base, scales, responses);
   }
 
@@ -122,6 +159,35 @@ struct ContactFrame {
   }
 
  private:
+  void clear_contacts() {
+    responses.clear();
+    contacts.clear();
+    ends.clear();
+    presence.clear();
+  }
+
+  /// Of the contacts from number `known` on, leaves those before which neither of their bodies has another.
+  void keep_first(std::size_t known) {
+    first_.assign(flights.size(), 1);
+    for (std::size_t k = known; k < contacts.size(); ++k)
+      for (double* first : pair_of(contacts[k], first_))
+        if (first) *first = std::min(*first, contacts[k].moment.share);
+    std::size_t kept = known;
+    for (std::size_t k = known; k < contacts.size(); ++k) {
+      bool is_first = true;
+      for (const double* first : pair_of(contacts[k], first_))
+        is_first = is_first && (!first || contacts[k].moment.share <= *first);
+      if (!is_first) continue;
+      contacts[kept] = contacts[k];
+      ends[kept] = ends[k];
+      presence[kept] = presence[k];
+      ++kept;
+    }
+    contacts.resize(kept);
+    ends.resize(kept);
+    presence.resize(kept);
+  }
+
   /// The pairs of bodies of the last scene that may touch within the frame.
   template <class Position, class Reach, class Collides>
   void find_pairs(const Position& position, const Reach& reach, const Collides& collides) {
@@ -147,7 +213,7 @@ struct ContactFrame {
     contact.second = static_cast<int>(base + i);
     contact.surface = {combined_restitution(plane.material, body.material()),
                        combined_friction(plane.material, body.material())};
-    with_places(plane, body, f, scales, [&](const auto& m, const Moment& moment) {
+    with_places(plane, body, f, scales, since_[base + i], [&](const auto& m, const Moment& moment) {
       contact.moment = moment;
       add_points(contact, m, 1, scales);
     });
@@ -163,7 +229,8 @@ struct ContactFrame {
     contact.second = static_cast<int>(base + j);
     contact.surface = {combined_restitution(first.material(), second.material()),
                        combined_friction(first.material(), second.material())};
-    with_places(first, f, second, g, scales, [&](const auto& m, const Moment& moment) {
+    const double from = std::max(since_[base + i], since_[base + j]);
+    with_places(first, f, second, g, scales, from, [&](const auto& m, const Moment& moment) {
       contact.moment = moment;
       add_points(contact, m, second.inverse_mass() / (first.inverse_mass() + second.inverse_mass()), scales);
     });
@@ -177,7 +244,7 @@ struct ContactFrame {
       contact.place = place;
       contact.at = {m.normal, point, gap};
       measure(contact, pair_of(contact, std::as_const(flights)), scales);
-      if (!(contact.smallest_gap() < scales.margin)) return;
+      if (!(contact.nearest(scales) < scales.margin)) return;
       contacts.push_back(contact);
       ends.push_back({contact.plane() ? -1 : contact.first, contact.second, static_cast<float>(1 - share),
                       static_cast<float>(share)});
@@ -185,6 +252,8 @@ struct ContactFrame {
     });
   }
 
+  Reserved<double> since_;  ///< share of the frame from which each body's flight holds
+  Reserved<double> first_;  ///< each body's first impact
   Reserved<double> reach_;  ///< how far from its middle a body of the last scene may touch something, m
   Reserved<int> order_;     ///< of its bodies along x
   Reserved<Candidate> pairs_;

@@ -63,7 +63,19 @@ struct ContactLaw {
   long respond(std::span<const Body<double, Shape>> bodies, std::span<const Plane<double>> planes,
                std::span<const RigidState<double>> start, std::span<RigidState<double>> states,
                Workspace& own) const noexcept {
-    return correct(bodies, planes, start, std::span<const RigidState<double>>(states), states, 1, own);
+    Frame& frame = own.frame;
+    const detail::SceneView<Shape> scene{bodies, planes};
+    frame.clear();
+    frame.add(scene, start, std::span<const RigidState<double>>(states), scales);
+    long points = 0;
+    for (int k = 1;; ++k) {
+      answer(bodies, states, 1, own);
+      points += std::ssize(frame.contacts);
+      if (k == detail::most_impacts || !frame.goes_on(scales)) return points;
+      frame.go_on(
+          frame, [&](std::size_t i) -> const auto& { return bodies[i]; }, states, scales);
+      frame.find(scene, 0, scales, k + 1 == detail::most_impacts);
+    }
   }
   /// The same for `states` in which another law has answered the contacts of that free flight, from `start`
   /// to `flown`: the impulses, `share` times as strong, come on top.
@@ -72,14 +84,11 @@ struct ContactLaw {
                std::span<const RigidState<double>> start, std::span<const RigidState<double>> flown,
                std::span<RigidState<double>> states, double share, Workspace& own) const noexcept {
     Frame& frame = own.frame;
+    const detail::SceneView<Shape> scene{bodies, planes};
     frame.clear();
-    frame.add(detail::SceneView<Shape>{bodies, planes}, start, flown, scales);
-    frame.encode(input, scales);
-    network.forward(frame.inputs, frame.presence, frame.ends, std::ssize(bodies), frame.outputs, own.network);
+    frame.add(scene, start, flown, scales);
     for (std::size_t i = 0; i < states.size(); ++i) frame.flights[i].end = states[i].position;
-    frame.sum_impulses(scales);
-    for (std::size_t i = 0; i < states.size(); ++i)
-      states[i] = detail::pushed(bodies[i], states[i], frame.sums[i] * share);
+    answer(bodies, states, share, own);
     return std::ssize(frame.contacts);
   }
 
@@ -105,6 +114,19 @@ struct ContactLaw {
   /// Takes one system's state over frames.
   template <class System>
   using Step = detail::LawStep<ContactLaw, System>;
+
+ private:
+  /// Adds what the network says of the workspace's contacts to `states`.
+  template <class Shape>
+  void answer(std::span<const Body<double, Shape>> bodies, std::span<RigidState<double>> states, double share,
+              Workspace& own) const noexcept {
+    Frame& frame = own.frame;
+    frame.encode(input, scales);
+    network.forward(frame.inputs, frame.presence, frame.ends, std::ssize(bodies), frame.outputs, own.network);
+    frame.sum_impulses(scales);
+    for (std::size_t i = 0; i < states.size(); ++i)
+      states[i] = detail::pushed(bodies[i], states[i], frame.sums[i] * share);
+  }
 };
 
 }  // namespace rbres::RBRES_ABI

@@ -4,15 +4,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <string_view>
 
 namespace rbres::RBRES_ABI {
 
 /// Where in a frame a contact law looks at a contact.
 enum class ContactMoment {
-  halfway,  ///< in the middle of the free flight: for soft contacts, which last for frames
-  impact    ///< where the flight first brings the pair's surfaces together: for hard contacts, which are over
-            ///< at once. Impulses are counted in units of the speed of approach.
+  halfway,  ///< in the middle of the free flight, all at once: for soft contacts, which last for frames
+  impact    ///< at the times of impact, one after the other where they share a body: for hard contacts, which
+            ///< are over at once. Impulses are counted in units of the speed of approach.
 };
 /// As files name it.
 inline constexpr std::string_view name(ContactMoment m) {
@@ -94,24 +95,26 @@ struct Separation {
   double value, rate;  ///< m
 };
 
-/// The first moment at which surfaces touch, by Newton's method within a bracket. Where they overlap already
-/// it is the frame's beginning, and where they miss, that of its ends which is closer.
-/// separation(Moment) gives a Separation.
+/// The first moment from share `from` on at which surfaces touch and close in, by Newton's method within a
+/// bracket; none where they miss. separation(Moment) gives a Separation.
 template <class F>
-Moment find_impact(const F& separation) {
-  Separation now = separation(Moment::at(0));
-  if (now.value <= 0) return Moment::at(0);
-  const Separation end = separation(Moment::at(1));
-  const bool crosses = end.value <= 0;
-  const Moment missed = Moment::at(end.value < now.value ? 1 : 0);
-  double share = 0, low = 0, high = 1;
+std::optional<Moment> find_impact(double from, const F& separation) {
+  Separation now = separation(Moment::at(from));
+  if (now.value <= 0) {
+    if (!(now.rate < 0)) return std::nullopt;
+    // Surfaces that an impact of this frame has left touching.
+    constexpr double rounding = 1e-12;  // m
+    return Moment::at(from, from > 0 && now.value > -rounding);
+  }
+  const bool crosses = separation(Moment::at(1)).value <= 0;
+  double share = from, low = from, high = 1;
   constexpr int most_steps = 60;
   for (int k = 0; k < most_steps; ++k) {
     double next = now.rate < 0 ? share - now.value / now.rate : high + 1;
     if (std::abs(next - share) < 1e-15) break;
     if (!(next > low && next < high)) {
       // A bracket is needed from here on. Until surfaces overlap there is none, but where the end is one.
-      if (!crosses && high == 1) return missed;
+      if (!crosses && high == 1) return std::nullopt;
       next = 0.5 * (low + high);
     }
     share = next;

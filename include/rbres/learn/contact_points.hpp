@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <type_traits>
 
 namespace rbres::RBRES_ABI::detail {
@@ -55,23 +56,24 @@ double opening_speed(const Manifold& m, const ContactFlight* first, const Contac
   return dot(m.normal, first ? velocity(second) - velocity(*first) : velocity(second));
 }
 
-/// When the law looks at a pair whose manifold is manifold(Moment).
+/// When the law looks at a pair whose manifold is manifold(Moment), from share `from` of the frame on; none
+/// where it has no impact.
 template <class F>
-Moment contact_moment(const ContactScales& scales, const F& manifold, const ContactFlight* first,
-                      const ContactFlight& second) {
-  if (scales.moment == ContactMoment::halfway) return {};
+std::optional<Moment> contact_moment(const ContactScales& scales, double from, const F& manifold,
+                                     const ContactFlight* first, const ContactFlight& second) {
+  if (scales.moment == ContactMoment::halfway) return Moment{};
   const double time = scales.frame_time;
-  return find_impact([&](const Moment& m) {
+  return find_impact(from, [&](const Moment& m) {
     const auto found = manifold(m);
     return Separation{found.separation, time * opening_speed(found, first, second, m, time)};
   });
 }
 
-/// Calls f(manifold, moment) with how two bodies meet, and when.
+/// Calls f(manifold, moment) with how two bodies meet, and when, from share `from` of the frame on.
 template <class Shape, class F>
 void with_places(const Body<double, Shape>& first, const ContactFlight& of_first,
                  const Body<double, Shape>& second, const ContactFlight& of_second,
-                 const ContactScales& scales, const F& f) {
+                 const ContactScales& scales, double from, const F& f) {
   with_shape(first.shape(), [&](const auto& a) {
     with_shape(second.shape(), [&](const auto& b) {
       const double time = scales.frame_time;
@@ -79,21 +81,21 @@ void with_places(const Body<double, Shape>& first, const ContactFlight& of_first
         return detect(a, pose_at(a, of_first, m, time, first.shape_rotation()), b,
                       pose_at(b, of_second, m, time, second.shape_rotation()));
       };
-      const Moment moment = contact_moment(scales, manifold, &of_first, of_second);
-      f(manifold(moment), moment);
+      if (const auto moment = contact_moment(scales, from, manifold, &of_first, of_second))
+        f(manifold(*moment), *moment);
     });
   });
 }
 /// The same for a plane and a body.
 template <class Shape, class F>
 void with_places(const Plane<double>& plane, const Body<double, Shape>& body, const ContactFlight& flight,
-                 const ContactScales& scales, const F& f) {
+                 const ContactScales& scales, double from, const F& f) {
   with_shape(body.shape(), [&](const auto& b) {
     const auto manifold = [&](const Moment& m) {
       return detect(plane, b, pose_at(b, flight, m, scales.frame_time, body.shape_rotation()));
     };
-    const Moment moment = contact_moment(scales, manifold, nullptr, flight);
-    f(manifold(moment), moment);
+    if (const auto moment = contact_moment(scales, from, manifold, nullptr, flight))
+      f(manifold(*moment), *moment);
   });
 }
 

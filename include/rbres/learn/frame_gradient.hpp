@@ -43,13 +43,30 @@ void add_free_flight_gradient(SceneStep::Velocity velocity, const OneBody& alone
   }
 }
 
-/// One frame of a rollout: where bodies begin, where free flight takes them, where the analytic law leads
-/// them from there if the law corrects it, and the contacts between.
+/// Contacts of a rollout's frame that are answered at once, and where bodies were led before.
 template <class Law>
-struct RolloutFrame {
-  std::vector<RigidState<double>> start, flown, answered;
+struct RolloutAnswer {
+  std::vector<RigidState<double>> before;
   typename Law::Frame contacts;
   typename Law::Network::Record record;
+};
+
+/// One frame of a rollout: where bodies begin, where free flight takes them, and how their contacts are
+/// answered, one after the other. Where the law corrects the analytic one there is one answer, on top of
+/// that.
+template <class Law>
+struct RolloutFrame {
+  std::vector<RigidState<double>> start, flown;
+  std::vector<RolloutAnswer<Law>> all;  ///< of which the frame has the first `answers`
+  std::size_t answers = 0;
+
+  std::span<RolloutAnswer<Law>> answered() { return std::span(all).first(answers); }
+  std::span<const RolloutAnswer<Law>> answered() const { return std::span(all).first(answers); }
+  /// One more, whose memory may have been used before.
+  RolloutAnswer<Law>& next() {
+    if (answers == all.size()) all.emplace_back();
+    return all[answers++];
+  }
 };
 
 /// The way back through a frame of a contact law.
@@ -73,24 +90,20 @@ class FrameGradient {
                   States& by_start, ParameterGradient<Net>& gradient) {
     const std::size_t count = bodies.size();
     const double time = law.scales.frame_time;
-    by_flown_.assign(count, zero);
-    by_start.assign(count, zero);
-    ContactFlight none{};
-    none.turned = {0, 0, 0, 0};
-    by_flights_.assign(count, none);
-    by_sums_.resize(count);
-    States& by_answered = Law::corrects ? by_answered_ : by_flown_;
-    const States& answered = Law::corrects ? frame.answered : frame.flown;
-    by_answered.assign(count, zero);
-    for (std::size_t i = 0; i < count; ++i)
-      by_sums_[i] = add_pushed_gradient((*bodies[i])[0], answered[i], frame.contacts.sums[i] * law.weight,
-                                        by_end[i], by_answered[i]) *
-                    law.weight;
-    back_through_contacts(law, network, frame, terms, shares, gradient);
     const bool resisted = set.resistance().any();
-    if constexpr (Law::corrects) back_through_answers(scenes, resisted, frame, time, by_start);
-    for (std::size_t k = 0; k < frame.contacts.contacts.size();)
-      k = back_through_places(bodies, set.planes(), frame.contacts, law.scales, k);
+    by_start.assign(count, zero);
+    by_flights_.assign(count, no_flight());
+    by_after_ = by_end;
+    for (std::size_t k = frame.answers; k-- > 0;) {
+      back_through_answer(law, network, bodies, set.planes(), frame.all[k], terms, shares, gradient);
+      if (k > 0) back_to(frame.all[k - 1], frame.all[k], bodies, time);
+      by_after_.swap(by_before_);
+    }
+    if constexpr (Law::corrects) {
+      back_through_analytic(scenes, resisted, frame, time, by_start);
+    } else {
+      by_flown_.swap(by_after_);
+    }
     for (std::size_t i = 0; i < count; ++i) {
       add_flight_gradient((*bodies[i])[0], frame.start[i], frame.flown[i], time, by_flights_[i], by_start[i],
                           by_flown_[i]);
@@ -100,12 +113,52 @@ class FrameGradient {
   }
 
  private:
-  /// From the derivatives by what the analytic law made of the frame to those by its free flight.
-  void back_through_answers(std::span<const SceneSystem* const> scenes, bool resisted,
-                            const RolloutFrame<Law>& frame, double time, States& by_start) {
-    for (std::size_t i = 0; i < by_answered_.size(); ++i) {
+  static ContactFlight no_flight() {
+    ContactFlight none{};
+    none.turned = {0, 0, 0, 0};
+    return none;
+  }
+
+  /// From the derivatives by the states after an answer, by_after_, to those before it, by_before_, and by
+  /// flights.
+  void back_through_answer(const Law& law, const Net& network,
+                           std::span<const System<double, 1>* const> bodies,
+                           const std::vector<Plane<double>>& planes, RolloutAnswer<Law>& answer,
+                           const PhysicsTerms& terms, std::span<const double> shares,
+                           ParameterGradient<Net>& gradient) {
+    by_before_.assign(bodies.size(), zero);
+    by_sums_.resize(bodies.size());
+    for (std::size_t i = 0; i < bodies.size(); ++i)
+      by_sums_[i] = add_pushed_gradient((*bodies[i])[0], answer.before[i],
+                                        answer.contacts.sums[i] * law.weight, by_after_[i], by_before_[i]) *
+                    law.weight;
+    back_through_contacts(law, network, answer, terms, shares, gradient);
+    for (std::size_t k = 0; k < answer.contacts.contacts.size();)
+      k = back_through_places(bodies, planes, answer.contacts, law.scales, k);
+  }
+
+  /// From the derivatives by the flights of an answer to those by the states and flights of the one before
+  /// it, which has changed some.
+  void back_to(const RolloutAnswer<Law>& earlier, const RolloutAnswer<Law>& answer,
+               std::span<const System<double, 1>* const> bodies, double time) {
+    for (std::size_t i = 0; i < bodies.size(); ++i) {
+      if (!earlier.contacts.sums[i].touched) continue;
+      const ContactFlight by_flight = std::exchange(by_flights_[i], no_flight());
+      Vec3<double> by_gained;
+      add_flight_after_gradient((*bodies[i])[0], answer.before[i], time, by_flight, by_before_[i], by_gained);
+      by_flights_[i].velocity += by_gained;
+      by_flights_[i].mean_velocity -= by_gained;
+    }
+  }
+
+  /// From the derivatives by what the analytic law made of the frame, by_after_, to those by its free flight.
+  void back_through_analytic(std::span<const SceneSystem* const> scenes, bool resisted,
+                             const RolloutFrame<Law>& frame, double time, States& by_start) {
+    const States& answered = frame.all[0].before;
+    by_flown_.assign(by_after_.size(), zero);
+    for (std::size_t i = 0; i < by_after_.size(); ++i) {
       // The impulses turn a body about where it was answered to be.
-      by_answered_[i].position += by_flights_[i].end;
+      by_after_[i].position += by_flights_[i].end;
       by_flights_[i].end = {};
     }
     std::size_t base = 0;
@@ -114,18 +167,18 @@ class FrameGradient {
       const auto part = [&](const States& all) {
         return std::span<const RigidState<double>>(all).subspan(base, n);
       };
-      analytic_.add_gradient(*scene, part(frame.start), part(frame.flown), part(frame.answered), time,
-                             resisted, part(by_answered_), std::span(by_flown_).subspan(base, n),
+      analytic_.add_gradient(*scene, part(frame.start), part(frame.flown), part(answered), time, resisted,
+                             part(by_after_), std::span(by_flown_).subspan(base, n),
                              std::span(by_start).subspan(base, n));
       base += n;
     }
   }
 
   /// From the derivatives by the bodies' sums to those by places and flights.
-  void back_through_contacts(const Law& law, const Net& network, RolloutFrame<Law>& rollout,
+  void back_through_contacts(const Law& law, const Net& network, RolloutAnswer<Law>& answer,
                              const PhysicsTerms& terms, std::span<const double> shares,
                              ParameterGradient<Net>& gradient) {
-    auto& frame = rollout.contacts;
+    auto& frame = answer.contacts;
     const std::size_t contacts = frame.contacts.size();
     const auto columns = static_cast<Eigen::Index>(contacts);
     if (by_outputs_.cols() < columns) {
@@ -150,8 +203,8 @@ class FrameGradient {
       for (std::size_t i = 0; i < by.size(); ++i)
         by_outputs_(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) = static_cast<T>(by[i]);
     }
-    rollout.record.backward(network, frame.presence, frame.ends, std::ssize(rollout.start), by_outputs_,
-                            gradient.numbers(), by_inputs_, by_presence_);
+    answer.record.backward(network, frame.presence, frame.ends, std::ssize(answer.before), by_outputs_,
+                           gradient.numbers(), by_inputs_, by_presence_);
     by_features_.resize(contacts);
     by_responses_.assign(frame.responses.size(), {});
     for (std::size_t k = 0; k < contacts; ++k) {
@@ -206,7 +259,7 @@ class FrameGradient {
     return end;
   }
 
-  States by_flown_, by_answered_;
+  States by_flown_, by_before_, by_after_;
   std::vector<ContactFlight> by_flights_;
   std::vector<BodyImpulse> by_sums_;
   std::vector<ContactGradient> by_contacts_;

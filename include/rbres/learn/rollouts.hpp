@@ -189,32 +189,51 @@ class Rollouts {
       frame.flown[i] = alone[0];
     }
     own.states = frame.flown;
-    auto& contacts = frame.contacts;
-    contacts.clear();
-    std::size_t base = 0;
+    frame.answers = 0;
+    auto* answer = &frame.next();
+    answer->contacts.clear();
+    each_scene(items, [&](const auto& scene, std::size_t base, [[maybe_unused]] std::size_t number) {
+      const std::size_t n = scene.bodies.size();
+      answer->contacts.add(scene, std::span<const RigidState<double>>(frame.start).subspan(base, n),
+                           std::span<const RigidState<double>>(frame.flown).subspan(base, n), law_.scales);
+      if constexpr (Law::corrects)
+        detail::AnalyticAnswer<SceneSystem>::resolve(
+            *own.scenes[number], std::span<const RigidState<double>>(frame.start).subspan(base, n),
+            law_.scales.frame_time, std::span(own.states).subspan(base, n));
+    });
+    if constexpr (Law::corrects)
+      for (std::size_t i = 0; i < own.states.size(); ++i)
+        answer->contacts.flights[i].end = own.states[i].position;
+    for (;;) {
+      auto& contacts = answer->contacts;
+      answer->before = own.states;
+      contacts.encode(law_.input, law_.scales);
+      answer->record.forward(network, contacts.inputs, contacts.presence, contacts.ends,
+                             std::ssize(own.states), contacts.outputs);
+      contacts.sum_impulses(law_.scales);
+      for (std::size_t i = 0; i < own.states.size(); ++i)
+        own.states[i] = detail::pushed((*own.bodies[i])[0], own.states[i], contacts.sums[i] * law_.weight);
+      if (Law::corrects || frame.answers == detail::most_impacts || !contacts.goes_on(law_.scales)) return;
+      answer = &frame.next();
+      answer->contacts.go_on(
+          frame.all[frame.answers - 2].contacts,
+          [&](std::size_t i) -> const auto& { return (*own.bodies[i])[0]; }, own.states, law_.scales);
+      each_scene(items, [&](const auto& scene, std::size_t base, std::size_t) {
+        answer->contacts.find(scene, base, law_.scales, frame.answers == detail::most_impacts);
+      });
+    }
+  }
+
+  /// Calls f(scene, number of its first body, number of the item) for the scenes of all items.
+  template <class F>
+  void each_scene(Items items, const F& f) const {
+    std::size_t base = 0, number = 0;
     for (const std::uint32_t item : items) {
       const Trajectory& scene = (*set_)[windows_[item].scene];
       const auto n = index(scene.bodies());
-      contacts.add(detail::SceneView<AnyShape<double>>{{&scene.body(0), n}, set_->planes()},
-                   std::span<const RigidState<double>>(frame.start).subspan(base, n),
-                   std::span<const RigidState<double>>(frame.flown).subspan(base, n), law_.scales);
-      if constexpr (Law::corrects)
-        detail::AnalyticAnswer<SceneSystem>::resolve(
-            scenes_[index(windows_[item].scene)],
-            std::span<const RigidState<double>>(frame.start).subspan(base, n), law_.scales.frame_time,
-            std::span(own.states).subspan(base, n));
+      f(detail::SceneView<AnyShape<double>>{{&scene.body(0), n}, set_->planes()}, base, number++);
       base += n;
     }
-    contacts.encode(law_.input, law_.scales);
-    frame.record.forward(network, contacts.inputs, contacts.presence, contacts.ends, std::ssize(own.states),
-                         contacts.outputs);
-    if constexpr (Law::corrects) {
-      frame.answered = own.states;
-      for (std::size_t i = 0; i < own.states.size(); ++i) contacts.flights[i].end = own.states[i].position;
-    }
-    contacts.sum_impulses(law_.scales);
-    for (std::size_t i = 0; i < own.states.size(); ++i)
-      own.states[i] = detail::pushed((*own.bodies[i])[0], own.states[i], contacts.sums[i] * law_.weight);
   }
 
   /// What states cost that are t frames after the start.
@@ -234,12 +253,14 @@ class Rollouts {
 
   /// What the physics terms of a frame's contacts cost.
   double contact_costs(const detail::RolloutFrame<Law>& frame, const std::vector<double>& shares) const {
-    const auto& contacts = frame.contacts;
     double value = 0;
-    for (std::size_t k = 0; k < contacts.contacts.size(); ++k) {
-      const detail::Contact& c = contacts.contacts[k];
-      value += shares[index(c.second)] *
-               detail::contact_cost(loss_.physics, c, contacts.output(k)[0], law_.scales).value;
+    for (const auto& answer : frame.answered()) {
+      const auto& contacts = answer.contacts;
+      for (std::size_t k = 0; k < contacts.contacts.size(); ++k) {
+        const detail::Contact& c = contacts.contacts[k];
+        value += shares[index(c.second)] *
+                 detail::contact_cost(loss_.physics, c, contacts.output(k)[0], law_.scales).value;
+      }
     }
     return value;
   }
