@@ -26,7 +26,7 @@ TEST_CASE("linear and angular momentum are kept, whatever the network says") {
       // Free flight keeps the angular momentum but for the integrator's error.
       [&](const auto& y) { return fly(system, weightless, Rk4{}, y, 0.0, 0.01); },
       [&](std::uint64_t seed, const auto& y) {
-        return one_frame(system, y, random_law<Law>(seed, 0.05), weightless);
+        return one_frame(system, y, law_of_some_moment<Law>(seed, 0.05), weightless);
       });
   CHECK(moved > 1);
 }
@@ -34,7 +34,7 @@ TEST_CASE("linear and angular momentum are kept, whatever the network says") {
 TEST_CASE("a law prefers no direction: it turns with the world") {
   Random r(5);
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
-    const auto law = random_law<Law>(seed, 0.05);
+    const auto law = law_of_some_moment<Law>(seed, 0.05);
     const Quat<double> turn = random_orientation(r);
     const Vec3<double> shift = random_vector(r, 2), up{0, 0, 1};
     const Gravity<double> gravity{{0.5, 0, -9.81}};
@@ -67,7 +67,7 @@ TEST_CASE("a law is the same in a mirror") {
   };
   Random r(6);
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
-    const auto law = random_law<Law>(seed, 0.05);
+    const auto law = law_of_some_moment<Law>(seed, 0.05);
     SystemState<double, 3> y;
     for (int i = 0; i < 3; ++i)
       y[i] = {Vec3<double>{0.16 * i, 0, 0.1} + random_vector(r, 0.02), random_orientation(r),
@@ -79,7 +79,7 @@ TEST_CASE("a law is the same in a mirror") {
 
 TEST_CASE("a law does not know how bodies are numbered") {
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
-    const auto law = random_law<Law>(seed, 0.05);
+    const auto law = law_of_some_moment<Law>(seed, 0.05);
     const auto system = heap({floor_plane<double>()});
     const System<double, 4> other({system[2], system[0], system[3], system[1]}, system.planes());
     const auto y = close_together(seed);
@@ -91,7 +91,7 @@ TEST_CASE("a law does not know how bodies are numbered") {
 }
 
 TEST_CASE("bodies that do not touch fly as if alone, and what another pair does is none of theirs") {
-  const auto law = random_law<Law>(1, 2e-3);
+  const auto law = law_of_some_moment<Law>(1, 2e-3);
   const auto system = heap({floor_plane<double>()});
   auto y = close_together(2);
   const auto near = one_frame(system, y, law);
@@ -108,7 +108,7 @@ TEST_CASE("bodies that do not touch fly as if alone, and what another pair does 
 }
 
 TEST_CASE("kinematic bodies keep their velocities, and push others") {
-  const auto law = random_law<Law>(3, 0.05);
+  const auto law = law_of_some_moment<Law>(3, 0.05);
   const auto bodies = heap();
   for (int place = 0; place < 4; ++place) {
     const auto body = [&](int i) {
@@ -130,7 +130,7 @@ TEST_CASE("kinematic bodies keep their velocities, and push others") {
 }
 
 TEST_CASE("a law stands where the analytic contacts stand") {
-  const auto law = random_law<Law>(3, 0.02);
+  const auto law = law_of_some_moment<Law>(3, 0.02);
   const auto system = heap({floor_plane<double>()});
   const SimulationOptions options{.step = 0.01, .duration = 0.05};
   const auto start = [](std::ptrdiff_t i) { return close_together(static_cast<std::uint64_t>(i)); };
@@ -158,7 +158,7 @@ TEST_CASE("a law stands where the analytic contacts stand") {
 }
 
 TEST_CASE("a step other than the law's frame time is refused") {
-  const auto law = random_law<Law>(3, 0.02);
+  const auto law = law_of_some_moment<Law>(3, 0.02);
   const auto system = heap();
   auto y = close_together(1);
   const auto before = y;
@@ -185,7 +185,7 @@ TEST_CASE("a step other than the law's frame time is refused") {
 }
 
 TEST_CASE("one law serves any number of bodies") {
-  const auto law = random_law<ContactLaw<>>(4, 0.02);
+  const auto law = law_of_some_moment<ContactLaw<>>(4, 0.02);
   const std::vector<Plane<double>> planes{floor_plane<double>()};
   for (const std::size_t n : {1u, 3u, 24u, 200u}) {
     std::vector<Body<double>> bodies;

@@ -55,7 +55,7 @@ TrajectorySet drops(int scenes, int frames) {
 
 TEST_CASE("before training a hybrid is the analytic law, and so is one of weight 0") {
   const TrajectorySet set = drops(3, 30);
-  auto untrained = untrained_law<Law>(set, 1), weightless = random_law<Law>(1, 0.05);
+  auto untrained = untrained_law<Law>(set, 1), weightless = law_of_some_moment<Law>(1, 0.05);
   weightless.weight = 0;
   for (const Law* law : {&untrained, &weightless}) {
     for (const Trajectory& scene : set) {
@@ -78,7 +78,7 @@ TEST_CASE("a correction keeps linear and angular momentum") {
   const double corrected = check_momentum(
       system, [&](const auto& y) { return analytic_frame(system, y, weightless); },
       [&](std::uint64_t seed, const auto& y) {
-        auto law = random_law<Law>(seed, 0.05);
+        auto law = law_of_some_moment<Law>(seed, 0.05);
         law.weight = 0.5;
         return one_frame(system, y, law, weightless);
       });
@@ -88,7 +88,7 @@ TEST_CASE("a correction keeps linear and angular momentum") {
 TEST_CASE("a hybrid turns with the world") {
   Random r(5);
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
-    const auto law = random_law<Law>(seed, 0.05);
+    const auto law = law_of_some_moment<Law>(seed, 0.05);
     const Quat<double> turn = random_orientation(r);
     const Vec3<double> shift = random_vector(r, 2), up{0, 0, 1}, normal = rotate(turn, up);
     const Gravity<double> gravity{{0.5, 0, -9.81}};
