@@ -12,7 +12,8 @@ namespace {
 using Columns = Eigen::MatrixXd;
 
 /// Two bodies in three scenes of four frames.
-TrajectorySet some(const std::vector<Body<double>>& bodies, const std::vector<int>& frames = {4, 4, 4}) {
+TrajectorySet some(const std::vector<Body<double>>& bodies, const std::vector<int>& frames = {4, 4, 4},
+                   const std::vector<Wrench<double>>& wrenches = {}, const Resistance& resistance = {}) {
   std::vector<Trajectory> scenes;
   double x = 0;
   for (const int count : frames) {
@@ -24,9 +25,9 @@ TrajectorySet some(const std::vector<Body<double>>& bodies, const std::vector<in
       state.angular_velocity = {3, x, x * x};
       x += 0.25;
     }
-    scenes.push_back({bodies, states});
+    scenes.push_back({bodies, states, wrenches});
   }
-  return {1.0 / 148, {0.1, 0, -9.81}, {{{0, 0, 1}, -0.5, {}}, {{0.6, 0, 0.8}, 2, {}}}, scenes};
+  return {1.0 / 148, {0.1, 0, -9.81}, {{{0, 0, 1}, -0.5, {}}, {{0.6, 0, 0.8}, 2, {}}}, scenes, resistance};
 }
 
 const Material<double> ice{0.25, 0.0625};
@@ -37,6 +38,11 @@ const std::vector<Body<double>> other{{Capsule{0.1, 0.2}, 1.5, Vec3<double>{0.1,
 void check_equal(const TrajectorySet& a, const TrajectorySet& b) {
   CHECK(a.frame_time() == b.frame_time());
   CHECK(a.gravity() == b.gravity());
+  CHECK(a.resistance().friction.density == b.resistance().friction.density);
+  CHECK(a.resistance().friction.drag == b.resistance().friction.drag);
+  CHECK(a.resistance().friction.rotational_drag == b.resistance().friction.rotational_drag);
+  CHECK(a.resistance().damping.linear == b.resistance().damping.linear);
+  CHECK(a.resistance().damping.angular == b.resistance().damping.angular);
   REQUIRE(a.planes().size() == b.planes().size());
   for (std::size_t p = 0; p < a.planes().size(); ++p) {
     CHECK(a.planes()[p].normal == b.planes()[p].normal);
@@ -46,6 +52,7 @@ void check_equal(const TrajectorySet& a, const TrajectorySet& b) {
   for (int s = 0; s < a.size(); ++s) {
     REQUIRE(a[s].bodies() == b[s].bodies());
     REQUIRE(a[s].frames() == b[s].frames());
+    CHECK(a[s].wrenches() == b[s].wrenches());
     for (int i = 0; i < a[s].bodies(); ++i) {
       const Body<double>&x = a[s].body(i), &y = b[s].body(i);
       CHECK(x.shape().index() == y.shape().index());
@@ -91,12 +98,15 @@ struct Folder {
 
 TEST_CASE("sets come back as they were written, and hold no array that says nothing") {
   const TemporaryFolder folder;
-  const auto optional = {"inertia.npy", "material.npy", "length.npy"};
+  const auto optional = {"inertia.npy", "material.npy", "length.npy", "wrench.npy"};
   write_trajectories(folder / "uniform", some(uniform));
   check_equal(read_trajectories(folder / "uniform"), some(uniform));
   for (const char* name : optional) CHECK(!std::filesystem::exists(folder / "uniform" / name));
-  write_trajectories(folder / "other", some(other, {4, 3, 2}));
-  check_equal(read_trajectories(folder / "other"), some(other, {4, 3, 2}));
+  CHECK(!contains(read_bytes(folder / "uniform" / "world.json"), "damping"));
+  const std::vector<Wrench<double>> wrenches{{{1, 2, 3}, {4, 5, 6}}, {{0.1, 0.2, 0.3}, {}}};
+  const Resistance resistance{{1.25, 0.4, 0.02}, {0.1, 0.3}};
+  write_trajectories(folder / "other", some(other, {4, 3, 2}, wrenches, resistance));
+  check_equal(read_trajectories(folder / "other"), some(other, {4, 3, 2}, wrenches, resistance));
   for (const char* name : optional) CHECK(std::filesystem::exists(folder / "other" / name));
 }
 
@@ -210,6 +220,16 @@ TEST_CASE("descriptions of no world are refused") {
         "/world.json, plane 0, offset: expected a number, found none");
   CHECK(refusal("{\"frame_time\": 1, " + gravity + R"(, "planes": [{"normal": [0, 0, 2], "offset": 0}]})") ==
         "/world.json, plane 0, normal: expected a unit vector, found one of length 2");
+  const auto with = [&](const std::string& more) {
+    return refusal("{\"frame_time\": 1, " + gravity + ", " + planes + ", " + more + "}");
+  };
+  CHECK(with(R"("damping": 1)") == "/world.json, damping: expected an object, found number");
+  CHECK(with(R"("damping": {"linear": 1})") ==
+        "/world.json, damping, angular: expected a number, found none");
+  CHECK(with(R"("damping": {"linear": 1, "angular": -1})") ==
+        "/world.json, angular damping: expected 0 or more, found -1");
+  CHECK(with(R"("fluid_friction": {"density": 1, "drag": 1})") ==
+        "/world.json, fluid_friction, rotational_drag: expected a number, found none");
 }
 
 TEST_CASE("what the format cannot say is not written") {

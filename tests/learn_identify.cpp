@@ -104,10 +104,16 @@ TEST_CASE("a scene is simulated as a System of its bodies is, to the bit") {
     y[i].angular_velocity = {1, 2, -1};
     state.body.push_back(y[i]);
   }
-  const TrajectorySet set(0.02, nominal_gravity, {floor_plane(m)},
-                          {{bodies, {y[0], y[1], y[2], y[0], y[1], y[2]}}});
-  SceneSimulator simulator(set, set[0], {}, {.steps = 4});
-  const Forces forces{Gravity{nominal_gravity}, Damping{0.0, 0.0}};
+  const std::array<Wrench<double>, 3> wrenches{{{{0.3, 0, 0}, {}}, {{}, {0, 0.1, 0}}, {{0, -0.2, 0}, {}}}};
+  const FluidFriction<double> fluid{2, 0.4, 0.01};
+  const TrajectorySet set(
+      0.02, nominal_gravity, {floor_plane(m)},
+      {{bodies, {y[0], y[1], y[2], y[0], y[1], y[2]}, {wrenches.begin(), wrenches.end()}}}, {fluid, {7, 7}});
+  WorldNumbers numbers;
+  numbers[Unknown::damping] = 0.2;
+  SceneSimulator simulator(set, set[0], numbers, {.steps = 4});
+  const Forces forces{Gravity{nominal_gravity}, fluid, Damping{0.2, 0.2},
+                      ConstantWrench<double, 3>{wrenches}};
   Stepper stepper(system, forces, Rk4{}, {.step = 0.005, .contacts = ContactMode::discrete});
   for (int t = 0; t < 50; ++t) {
     simulator(state);

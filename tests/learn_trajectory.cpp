@@ -63,6 +63,12 @@ TEST_CASE("trajectories that make no sense are refused, and the message names th
   states[4].orientation = {0, 0, 0, 1.01};
   CHECK(refusal_of(two, states) ==
         "frame 2, body 0, orientation: expected a unit quaternion, found one of length 1.01");
+  const auto pushed = [&](const std::vector<Wrench<double>>& wrenches) {
+    return error_of([&] { Trajectory(two, still(4), wrenches); });
+  };
+  CHECK(pushed({{}, {}}) == "");
+  CHECK(pushed({{}}) == "wrenches of a trajectory: expected one for each of 2 bodies, found 1");
+  CHECK(pushed({{}, {{}, {0, 0, NAN}}}) == "wrench on body 1: expected finite numbers, found nan");
 }
 
 TEST_CASE("sets that make no sense are refused") {
@@ -77,6 +83,16 @@ TEST_CASE("sets that make no sense are refused") {
         "plane 0, normal: expected a unit vector, found one of length 2");
   CHECK(refusal_of(0.01, down, {{0, 0, 1}, NAN, {}}) ==
         "plane 0, offset: expected a finite number, found nan");
+  const auto slowed = [&](const Resistance& resistance) {
+    return error_of([&] { TrajectorySet(0.01, down, {floor}, {{two, still(4)}}, resistance); });
+  };
+  CHECK(slowed({{1.2, 0.5, 0.01}, {0.1, 0.2}}) == "");
+  CHECK(slowed({{.density = -1}, {}}) == "density of the fluid: expected 0 or more, found -1");
+  CHECK(slowed({{.drag = NAN}, {}}) == "drag of the fluid: expected 0 or more, found nan");
+  CHECK(slowed({{.rotational_drag = -1}, {}}) ==
+        "rotational drag of the fluid: expected 0 or more, found -1");
+  CHECK(slowed({{}, {-1, 0}}) == "linear damping: expected 0 or more, found -1");
+  CHECK(slowed({{}, {0, INFINITY}}) == "angular damping: expected 0 or more, found inf");
   CHECK(refusal_of(0.01, down, floor, 0) == "scenes of a trajectory set: expected at least one, found none");
 }
 
@@ -87,12 +103,13 @@ TEST_CASE("a part of a set") {
     states[0].position.x = s;
     scenes.push_back({{two[0]}, states});
   }
-  const TrajectorySet set(0.01, {0, 0, -9.81}, {{}}, scenes);
+  const TrajectorySet set(0.01, {0, 0, -9.81}, {{}}, scenes, {{}, {0.5, 0}});
   const TrajectorySet part = set.subset(1, 2);
   CHECK(part.size() == 2);
   CHECK(part.frame_time() == 0.01);
   CHECK(part.gravity() == set.gravity());
   CHECK(part.planes().size() == 1);
+  CHECK(part.resistance().damping.linear == 0.5);
   CHECK(part[0].state(0, 0).position.x == 1);
   CHECK(part[1].state(0, 0).position.x == 2);
   CHECK(error_of([&] { set.subset(3, 2); }) == "scenes: expected some within 4, found 2 from 3");

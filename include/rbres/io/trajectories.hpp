@@ -31,6 +31,12 @@
 ///     length.npy    (scenes): how many frames are valid; otherwise all. What follows them is ignored.
 ///     inertia.npy   (scenes, bodies, 3): principal moments, kg m^2; otherwise those of uniform solids
 ///     material.npy  (scenes, bodies, 2): restitution and friction; otherwise those of Material
+///     wrench.npy    (scenes, bodies, 6): force (N, world frame) and torque (N m, body frame) on each body at
+///                   all times; otherwise none
+///
+/// In world.json may also stand what slows bodies (see Resistance), otherwise nothing does:
+/// "fluid_friction": {"density": kg/m^3, "drag": number, "rotational_drag": number} and "damping":
+/// {"linear": 1/s, "angular": 1/s}.
 ///
 /// Arrays are <f4 or <f8, kind and length <i8. Planes have the restitution and friction of Material.
 namespace rbres::RBRES_ABI {
@@ -44,16 +50,39 @@ inline Vec3<double> vector_at(const Json& object, const char* key, const std::st
   return {numbers[0].get<double>(), numbers[1].get<double>(), numbers[2].get<double>()};
 }
 
-/// Writes one number or more of every body of every scene.
+/// The object under a key, or nullptr where there is none.
+inline const Json* object_at(const Json& object, const char* key, const std::string& what) {
+  const auto found = object.find(key);
+  if (found == object.end()) return nullptr;
+  if (!found->is_object()) refuse(text(what, ", ", key), "an object", found->type_name());
+  return &*found;
+}
+
+inline Resistance read_resistance(const Json& world, const std::string& what) {
+  Resistance resistance;
+  if (const Json* fluid = object_at(world, "fluid_friction", what)) {
+    const std::string name = what + ", fluid_friction";
+    resistance.friction = {.density = number_at(*fluid, "density", name),
+                           .drag = number_at(*fluid, "drag", name),
+                           .rotational_drag = number_at(*fluid, "rotational_drag", name)};
+  }
+  if (const Json* damping = object_at(world, "damping", what)) {
+    const std::string name = what + ", damping";
+    resistance.damping = {number_at(*damping, "linear", name), number_at(*damping, "angular", name)};
+  }
+  return resistance;
+}
+
+/// Writes one number or more of every body of every scene: of(scene, number of the body).
 template <class Numbers>
 void write_bodies(const std::filesystem::path& path, const TrajectorySet& set,
                   std::vector<Eigen::Index> sample_shape, const Numbers& of) {
-  using Scalar = typename decltype(of(set[0].body(0)))::Scalar;
+  using Scalar = typename decltype(of(set[0], 0))::Scalar;
   NpyWriter<Scalar> writer(path, std::move(sample_shape));
   for (const Trajectory& scene : set) {
     typename NpyWriter<Scalar>::Columns column(writer.features(), 1);
     const Eigen::Index each = writer.features() / scene.bodies();
-    for (int i = 0; i < scene.bodies(); ++i) column.middleRows(i * each, each) = of(scene.body(i));
+    for (int i = 0; i < scene.bodies(); ++i) column.middleRows(i * each, each) = of(scene, i);
     writer.append(column);
   }
   writer.commit();
@@ -78,7 +107,12 @@ inline void write_world(const std::filesystem::path& path, const TrajectorySet& 
   Json planes = Json::array();
   for (const Plane<double>& plane : set.planes())
     planes.push_back({{"normal", array(plane.normal)}, {"offset", plane.offset}});
-  const Json world{{"frame_time", set.frame_time()}, {"gravity", array(set.gravity())}, {"planes", planes}};
+  Json world{{"frame_time", set.frame_time()}, {"gravity", array(set.gravity())}, {"planes", planes}};
+  if (const auto& [fluid, damping] = set.resistance(); set.resistance().any()) {
+    world["fluid_friction"] = {
+        {"density", fluid.density}, {"drag", fluid.drag}, {"rotational_drag", fluid.rotational_drag}};
+    world["damping"] = {{"linear", damping.linear}, {"angular", damping.angular}};
+  }
   write_text(path, world.dump(1) + "\n");
 }
 
@@ -126,14 +160,17 @@ inline TrajectorySet read_trajectories(const std::filesystem::path& folder) {
   const double frame_time = detail::number_at(world, "frame_time", world_path);
   const Vec3<double> gravity = detail::vector_at(world, "gravity", world_path);
 
+  const Resistance resistance = detail::read_resistance(world, world_path);
+
   const detail::TrajectoryFolder arrays(folder);
   std::vector<Trajectory> scenes;
   for (Eigen::Index s = 0; s < arrays.scenes(); ++s) {
     scenes.push_back(detail::naming([&] { return text(folder.string(), ", scene ", s, ", "); },
                                     [&] { return arrays.scene(s); }));
   }
-  return detail::naming([&] { return world_path + ", "; },
-                        [&] { return TrajectorySet(frame_time, gravity, planes, std::move(scenes)); });
+  return detail::naming(
+      [&] { return world_path + ", "; },
+      [&] { return TrajectorySet(frame_time, gravity, planes, std::move(scenes), resistance); });
 }
 
 /// Writes a set as such a folder, which is made where there is none. Throws Error where the folder holds
@@ -143,7 +180,7 @@ inline void write_trajectories(const std::filesystem::path& folder, const Trajec
   const auto differs = [](const Material<double>& m) {
     return m.restitution != Material<double>{}.restitution || m.friction != Material<double>{}.friction;
   };
-  bool lengths = false, moments = false, materials = false;
+  bool lengths = false, moments = false, materials = false, wrenches = false;
   int frames = 0;
   for (const Trajectory& scene : set) {
     if (scene.bodies() != set[0].bodies())
@@ -151,6 +188,7 @@ inline void write_trajectories(const std::filesystem::path& folder, const Trajec
                      scene.bodies());
     frames = std::max(frames, scene.frames());
     lengths = lengths || scene.frames() != set[0].frames();
+    wrenches = wrenches || !scene.wrenches().empty();
     for (int i = 0; i < scene.bodies(); ++i) {
       const Body<double>& body = scene.body(i);
       if (!(body.shape_rotation() == Quat<double>{}))
@@ -168,18 +206,30 @@ inline void write_trajectories(const std::filesystem::path& folder, const Trajec
   const Eigen::Index bodies = set[0].bodies();
   detail::write_states(folder / "states.npy", set, frames);
   detail::write_bodies(folder / "kind.npy", set, {bodies},
-                       [](const auto& b) { return Integer(detail::kind_of(b)); });
+                       [](const Trajectory& s, int i) { return Integer(detail::kind_of(s.body(i))); });
   detail::write_bodies(folder / "size.npy", set, {bodies, 3},
-                       [](const auto& b) { return detail::size_of(b); });
-  detail::write_bodies(folder / "mass.npy", set, {bodies}, [](const auto& b) { return Number(b.mass()); });
+                       [](const Trajectory& s, int i) { return detail::size_of(s.body(i)); });
+  detail::write_bodies(folder / "mass.npy", set, {bodies},
+                       [](const Trajectory& s, int i) { return Number(s.body(i).mass()); });
   if (moments) {
-    detail::write_bodies(folder / "inertia.npy", set, {bodies, 3}, [](const auto& b) {
-      return Eigen::Vector3d(b.inertia().x, b.inertia().y, b.inertia().z);
+    detail::write_bodies(folder / "inertia.npy", set, {bodies, 3}, [](const Trajectory& s, int i) {
+      const Vec3<double>& moment = s.body(i).inertia();
+      return Eigen::Vector3d(moment.x, moment.y, moment.z);
     });
   }
   if (materials) {
-    detail::write_bodies(folder / "material.npy", set, {bodies, 2}, [](const auto& b) {
-      return Eigen::Vector2d(b.material().restitution, b.material().friction);
+    detail::write_bodies(folder / "material.npy", set, {bodies, 2}, [](const Trajectory& s, int i) {
+      return Eigen::Vector2d(s.body(i).material().restitution, s.body(i).material().friction);
+    });
+  }
+  if (wrenches) {
+    detail::write_bodies(folder / "wrench.npy", set, {bodies, 6}, [](const Trajectory& s, int i) {
+      Eigen::Matrix<double, 6, 1> numbers = Eigen::Matrix<double, 6, 1>::Zero();
+      if (!s.wrenches().empty()) {
+        const auto& [f, t] = s.wrenches()[static_cast<std::size_t>(i)];
+        numbers << f.x, f.y, f.z, t.x, t.y, t.z;
+      }
+      return numbers;
     });
   }
   if (lengths) {

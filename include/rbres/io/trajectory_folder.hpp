@@ -74,6 +74,7 @@ class TrajectoryFolder {
         mass_(path / "mass.npy", {scenes(), bodies()}) {
     if (has("inertia.npy")) inertia_.emplace(path / "inertia.npy", Shape{scenes(), bodies(), 3});
     if (has("material.npy")) material_.emplace(path / "material.npy", Shape{scenes(), bodies(), 2});
+    if (has("wrench.npy")) wrench_.emplace(path / "wrench.npy", Shape{scenes(), bodies(), 6});
     if (has("length.npy")) length_ = open_integers("length.npy", {scenes()});
   }
 
@@ -87,7 +88,7 @@ class TrajectoryFolder {
     std::vector<RigidState<double>> states(static_cast<std::size_t>(frames * bodies()));
     for (std::size_t k = 0; k < states.size(); ++k)
       states[k].vector() = numbers.segment<13>(13 * static_cast<Eigen::Index>(k));
-    return {read_bodies(s), std::move(states)};
+    return {read_bodies(s), std::move(states), read_wrenches(s)};
   }
 
  private:
@@ -119,6 +120,14 @@ class TrajectoryFolder {
       all.push_back(naming([&] { return text("body ", i, ": "); }, [&] { return read(i); }));
     return all;
   }
+  std::vector<Wrench<double>> read_wrenches(Eigen::Index s) const {
+    if (!wrench_) return {};
+    const Eigen::VectorXd numbers = wrench_->scene(s);
+    std::vector<Wrench<double>> all;
+    for (Eigen::Index i = 0; i < bodies(); ++i)
+      all.push_back({Vec3<double>(numbers.segment<3>(6 * i)), Vec3<double>(numbers.segment<3>(6 * i + 3))});
+    return all;
+  }
   static AnyShape<double> shape_of(std::int64_t kind, const Eigen::Vector3d& size) {
     if (kind == 0) return Sphere<double>(size(0));
     if (kind == 1) return Box<double>(size(0), size(1), size(2));
@@ -130,7 +139,7 @@ class TrajectoryFolder {
   TrajectoryArray states_;
   Integers kind_;
   TrajectoryArray size_, mass_;
-  std::optional<TrajectoryArray> inertia_, material_;
+  std::optional<TrajectoryArray> inertia_, material_, wrench_;
   std::optional<Integers> length_;
 };
 
