@@ -2,6 +2,7 @@
 
 #include <rbres/body/body.hpp>
 #include <rbres/body/state.hpp>
+#include <rbres/core/lie.hpp>
 #include <unsupported/Eigen/AutoDiff>
 
 namespace rbres::RBRES_ABI::detail {

@@ -77,7 +77,8 @@ void with_places(const Body<double, Shape>& first, const ContactFlight& of_first
   with_shape(first.shape(), [&](const auto& a) {
     with_shape(second.shape(), [&](const auto& b) {
       const double time = scales.frame_time;
-      const auto manifold = [&](const Moment& m) {
+      // In one place for all that look at it: detection is large.
+      const auto manifold = [&](const Moment& m) __attribute__((noinline)) {
         return detect(a, pose_at(a, of_first, m, time, first.shape_rotation()), b,
                       pose_at(b, of_second, m, time, second.shape_rotation()));
       };
@@ -91,7 +92,7 @@ template <class Shape, class F>
 void with_places(const Plane<double>& plane, const Body<double, Shape>& body, const ContactFlight& flight,
                  const ContactScales& scales, double from, const F& f) {
   with_shape(body.shape(), [&](const auto& b) {
-    const auto manifold = [&](const Moment& m) {
+    const auto manifold = [&](const Moment& m) __attribute__((noinline)) {
       return detect(plane, b, pose_at(b, flight, m, scales.frame_time, body.shape_rotation()));
     };
     if (const auto moment = contact_moment(scales, from, manifold, nullptr, flight))

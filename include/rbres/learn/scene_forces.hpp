@@ -28,22 +28,37 @@ struct SceneWrenches {
 };
 
 /// What acts on the bodies of a scene between their contacts.
-using SceneForces = Forces<Gravity<double>, FluidFriction<double>, Damping<double>, SceneWrenches>;
+struct SceneForces {
+  /// What acts.
+  /// @{
+  Gravity<double> gravity;
+  Resistance resistance;
+  SceneWrenches wrenches;
+  /// @}
+
+  /// Whether they exert a torque.
+  bool turns() const { return resistance.friction.turns() || resistance.damping.turns() || wrenches.turns(); }
+  /// The wrench on body `index`. Not inlined into every stage of an integrator.
+  template <class S, class Shape>
+  [[gnu::noinline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>& state, int index,
+                                         const S& time) const {
+    const Wrench<S> steady = gravity(body, state) + wrenches(body, state, index, time);
+    if (!resistance.any()) return steady;
+    return steady + resistance.friction(body, state) + resistance.damping(body, state);
+  }
+};
 
 /// Those of a scene of a set.
 inline SceneForces scene_forces(const TrajectorySet& set, const Trajectory& scene) {
-  const Resistance& resistance = set.resistance();
-  return {Gravity{set.gravity()}, resistance.friction, resistance.damping, SceneWrenches{scene.wrenches()}};
+  return {{set.gravity()}, set.resistance(), {scene.wrenches()}};
 }
 
 namespace detail {
 /// Those on body i of a scene taken alone.
 inline SceneForces body_forces(const TrajectorySet& set, const Trajectory& scene, int i) {
-  const Resistance& resistance = set.resistance();
+  const auto& all = scene.wrenches();
   return {
-      Gravity{set.gravity()}, resistance.friction, resistance.damping,
-      SceneWrenches{scene.wrenches().empty() ? std::vector<Wrench<double>>{}
-                                             : std::vector{scene.wrenches()[static_cast<std::size_t>(i)]}}};
+      {set.gravity()}, set.resistance(), {all.empty() ? all : std::vector{all[static_cast<std::size_t>(i)]}}};
 }
 }  // namespace detail
 }  // namespace rbres::RBRES_ABI

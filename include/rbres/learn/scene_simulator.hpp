@@ -43,8 +43,7 @@ class WorldNumbers {
   }
   /// What acts on a scene's bodies between their contacts.
   SceneForces forces(const TrajectorySet& set, const Trajectory& scene) const {
-    const auto [friction, damping] = resistance(set);
-    return {Gravity{gravity(set)}, friction, damping, SceneWrenches{scene.wrenches()}};
+    return {{gravity(set)}, resistance(set), {scene.wrenches()}};
   }
   /// The same trajectories in the world of these numbers, to learn in.
   TrajectorySet world_of(const TrajectorySet& set) const {
