@@ -49,6 +49,13 @@ void run(World world, const Plan& plan, const Store& store, Json& results) {
       part("floor-" + label, {{"scenarios_of_shares", count}, {"halved", plan.floor_scenarios}},
            [&] { return bench.floor(); });
   results["baselines"][label] = part("baselines-" + label, Json::object(), [&] { return bench.baselines(); });
+  for (const std::uint64_t seed : plan.law_seeds) {
+    const std::string name = law_part(label, seed);
+    results["laws"][label]["seed " + std::to_string(seed)] =
+        part(name, {{"scenarios_learned", plan.law.scenarios}, {"epochs", plan.law.epochs}},
+             [&] { return learn_contacts_of(bench, seed); });
+    remove_checkpoint(store, name);
+  }
   for (const Unit* unit : units) {
     const std::string name = paper::name(*unit, plan);
     Json found = part(name, Json::object(), [&] {

@@ -43,13 +43,17 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
     // Error against cost: every method, one point.
     std::vector<figures::LabelledPoints> methods;
     figures::LabelledPoints rk4{"RK4, discrete contacts", {}, {}, {}, true},
-        trivial{"without contacts", {}, {}, {}}, networks{"networks", {}, {}, {}};
+        continuous{"continuous contacts", {}, {}, {}}, trivial{"without contacts", {}, {}, {}},
+        networks{"networks", {}, {}, {}}, laws{law_name, {}, {}, {}};
     for (const auto& [method, m] : results["baselines"][label][std::to_string(h)].items()) {
-      auto& group = method.starts_with("RK4") ? rk4 : trivial;
+      auto& group = method.starts_with("RK4") ? rk4 : method.starts_with("continuous") ? continuous : trivial;
       group.labels.push_back(method.starts_with("RK4") ? method.substr(4) : method);
       group.x.push_back(us(method));
       group.y.push_back(number(m["position"]));
     }
+    laws.labels.push_back(law_name);
+    laws.x.push_back(us(law_name));
+    laws.y.push_back(number(results["laws"][label].front()[std::to_string(h)]["position"]));
     for (const Unit& u : plan.units) {
       if (u.world != world || u.set != BodySet::standard || u.horizon != h || u.seed != 1) continue;
       const Json& m = results["networks"][name(u, plan)];
@@ -60,7 +64,7 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
     drawn &= figures::draw_trade_off(
         figure("error_against_cost-" + label, "Error against cost, " + ahead.str(),
                "microseconds per scenario, one thread", "mean square position error, m^2"),
-        {rk4, trivial, networks});
+        {rk4, continuous, trivial, networks, laws});
 
     // Rollouts.
     std::vector<figures::Curve> curves;

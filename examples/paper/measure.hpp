@@ -107,7 +107,8 @@ struct Bench {
     return {{"actual", actual}, {"predicted", guess}};
   }
 
-  /// Calls each(name, predict) for contact-free flow, constant velocity, and RK4 with discrete contacts.
+  /// Calls each(name, predict) for contact-free flow, constant velocity, RK4 with discrete contacts, and the
+  /// continuous contacts by which truth is made, at a frame's step.
   template <class Each>
   void baselines_at(std::size_t h, const Each& each) const {
     each("contact-free flow", ContactFree{free_flow<Set>(), plan.horizons[h]});
@@ -117,6 +118,7 @@ struct Bench {
            SimulatedScenario<Set>{
                world, {.step = ms * 1e-3, .duration = plan.horizons[h], .contacts = ContactMode::discrete}});
     }
+    each("continuous 20 ms", SimulatedScenario<Set>{world, {.step = 0.02, .duration = plan.horizons[h]}});
   }
 
   /// The accuracy of every baseline at every horizon.

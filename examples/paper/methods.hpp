@@ -26,7 +26,7 @@ struct OverSeeds {
 /// One method: a baseline, or a network of one protocol with its seeds.
 struct Method {
   std::string name;        ///< as in timings
-  std::string trained_on;  ///< "20k" for a network, empty for a baseline
+  std::string trained_on;  ///< scenarios: "20k" for a network, empty for a baseline
   std::vector<const Json*> seeds;
 
   bool is_network() const { return !trained_on.empty(); }
@@ -63,6 +63,10 @@ inline std::vector<Method> methods_at(const Plan& plan, const Json& results, con
   std::vector<Method> all;
   for (const auto& [method, m] : results.at("baselines").at(place.label()).at(std::to_string(h)).items())
     all.push_back({method, "", {&m}});
+  Method law{law_name, std::to_string(plan.law.scenarios), {}};
+  for (const auto& [seed, m] : results.at("laws").at(place.label()).items())
+    law.seeds.push_back(&m.at(std::to_string(h)));
+  all.push_back(law);
   for (const Unit& unit : plan.units) {
     if (unit.world != place.world || unit.set != place.set || unit.horizon != h) continue;
     const std::string trained_on = std::to_string(unit.protocol.scenarios / 1000) + "k";

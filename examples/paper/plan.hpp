@@ -25,6 +25,12 @@ inline std::string name(Architecture a) {
 }
 inline std::string name(Target t) { return t == Target::residual ? "residual target" : "state target"; }
 
+/// How much a contact law is trained, see contact_law.hpp.
+struct LawProtocol {
+  int scenarios;  ///< of 2 s each; as many as a fifth of them choose the best weights
+  int epochs;     ///< of 16-frame rollouts, by two
+};
+
 /// One network to train: a unit of work that is finished or not.
 struct Unit {
   World world;
@@ -40,6 +46,8 @@ struct Plan {
   std::vector<double> horizons;  ///< s
   std::vector<Unit> units;
   std::vector<BodySet> sets;
+  LawProtocol law;
+  std::vector<std::uint64_t> law_seeds;
   int floor_scenarios;  ///< test scenarios for the predictability floor
   int timed_scenarios;  ///< scenarios per timing round; 72 fill lanes with every family and body count
   int timing_rounds;
@@ -51,7 +59,7 @@ struct Plan {
 
 /// Some minutes on two cores: the standard set in both worlds at two horizons.
 inline Plan quick_plan() {
-  Plan plan{{0.02, 0.1, 0.5}, {}, {BodySet::standard}, 200, 72, 5, 3, 20, 1, 2};
+  Plan plan{{0.02, 0.1, 0.5}, {}, {BodySet::standard}, {300, 2}, {1}, 200, 72, 5, 3, 20, 1, 2};
   const Protocol small{20'000, 12};
   for (const World world : {World::free_space, World::room}) {
     const auto add = [&](std::size_t h, Target target, Architecture a) {
@@ -71,7 +79,18 @@ inline Plan quick_plan() {
 /// answered by a reduced protocol (20,000 scenarios; 10,000 of boxes in the room, whose truth is dear), with
 /// three seeds on the standard set at 0.1, 0.5, 1 and 5 s.
 inline Plan full_plan() {
-  Plan plan{{0.02, 0.1, 0.5, 1, 2, 5}, {}, {BodySet::standard, BodySet::box}, 500, 72, 5, 20, 200, 2, 2};
+  Plan plan{{0.02, 0.1, 0.5, 1, 2, 5},
+            {},
+            {BodySet::standard, BodySet::box},
+            {2000, 6},
+            {1, 2, 3},
+            500,
+            72,
+            5,
+            20,
+            200,
+            2,
+            2};
   const Protocol full{100'000, 200}, reduced{20'000, 40}, dear{10'000, 40};
   for (const World world : {World::free_space, World::room}) {
     for (std::size_t h = 0; h < plan.horizons.size(); ++h) {
@@ -102,9 +121,16 @@ inline Plan full_plan() {
   return plan;
 }
 
+/// What tables call the contact law.
+inline constexpr const char* law_name = "learned contacts";
+
 /// A world and a set: "free-standard".
 inline std::string label_of(World world, BodySet set) {
   return std::string(rbres::name(world)) + "-" + std::string(rbres::name(set));
+}
+/// A place's contact law of a seed in files.
+inline std::string law_part(const std::string& label, std::uint64_t seed) {
+  return "law-" + label + "-seed" + std::to_string(seed);
 }
 /// What a unit's network is called in tables, whatever its protocol and seed.
 inline std::string method_of(const Unit& u) { return name(u.architecture) + ", " + name(u.target); }

@@ -16,7 +16,8 @@ inline const Unit& rolled_out(const Plan& plan, World world, BodySet set) {
 }
 
 /// Mean square errors of position and velocity against time, of predictions of predictions by the trained
-/// residual network, and of runs of the contact-free flow and of RK4 with discrete contacts.
+/// residual network, and of runs of the learned contacts, the contact-free flow and RK4 with discrete
+/// contacts.
 template <BodySet Set>
 Json roll_out(const Bench<Set>& bench) {
   const Plan& plan = bench.plan;
@@ -50,6 +51,10 @@ Json roll_out(const Bench<Set>& bench) {
   };
   follow("residual network", [&](const auto& y, const auto& wrench, auto& states, int present) {
     predictor.rollout(y, wrench, states, present);
+  });
+  const Law law = load<Law>(bench.store.model(law_part(bench.label(), plan.law_seeds.front())));
+  follow(law_name, [&](const auto& y, const auto& wrench, auto& states, int present) {
+    LawScenario<Set>{bench.world, &law, step}.rollout(y, wrench, states, present);
   });
   follow("contact-free flow", [&](auto y, const auto& wrench, auto& states, int present) {
     const ContactFree flow{free_flow<Set>(), step};

@@ -1,7 +1,10 @@
 // Trains and measures one unit of the plan.
 #pragma once
 
+#include <rbres/io/contact_law.hpp>
+
 #include "../common/progress.hpp"
+#include "contact_law.hpp"
 #include "measure.hpp"
 
 namespace paper {
@@ -84,6 +87,38 @@ Json train_unit(const Unit& unit, const Bench<Set>& bench) {
   found["best_validation_loss"] = trainer.state().progress.best_loss;
   found["epochs"] = trainer.state().progress.epoch;
   found["curve"] = curve;
+  return found;
+}
+
+/// Learns the contact law of a place and measures it at all horizons.
+template <BodySet Set>
+Json learn_contacts_of(const Bench<Set>& bench, std::uint64_t seed) {
+  const auto start = std::chrono::steady_clock::now();
+  const std::string part = law_part(bench.label(), seed);
+  const LawProtocol& protocol = bench.plan.law;
+  std::printf("\n%s: %s, seed %d, from %d scenarios of 2 s\n", bench.label().c_str(), law_name,
+              static_cast<int>(seed), protocol.scenarios);
+  ProgressLine line;
+  const auto say = [&](const ContactLearningReport& r) {
+    const double done = r.share_done;
+    const double so_far = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    char text[200];
+    std::snprintf(text, sizeof text,
+                  "stage %d of 3, epoch %2d/%d   training loss %7.4f   validation loss %7.4f   %s left",
+                  r.stage + 1, static_cast<int>(r.epoch.epoch), r.epoch.epochs, r.epoch.train_loss,
+                  r.epoch.validation_loss, clock_text(so_far * (1 / done - 1)).c_str());
+    line.print(done, text);
+  };
+  const Law law = learn_law<Set>(bench.world, protocol, seed, bench.store.beside(part, ".checkpoint"), say);
+  line.end();
+  save(bench.store.model(part), law,
+       {{"world", std::string(rbres::name(bench.world))},
+        {"set", std::string(rbres::name(Set))},
+        {"scenarios", std::string(scenario_version)}});
+  Json found;
+  for (std::size_t h = 0; h < bench.plan.horizons.size(); ++h)
+    found[std::to_string(h)] = bench.method(h, LawScenario<Set>{bench.world, &law, bench.plan.horizons[h]});
+  found["seconds"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return found;
 }
 

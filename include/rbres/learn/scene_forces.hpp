@@ -42,9 +42,10 @@ struct SceneForces {
   template <class S, class Shape>
   [[gnu::noinline]] Wrench<S> operator()(const Body<S, Shape>& body, const RigidState<S>& state, int index,
                                          const S& time) const {
-    const Wrench<S> steady = gravity(body, state) + wrenches(body, state, index, time);
-    if (!resistance.any()) return steady;
-    return steady + resistance.friction(body, state) + resistance.damping(body, state);
+    const Wrench<S> weight = gravity(body, state), own = wrenches(body, state, index, time);
+    if (!resistance.any()) return weight + own;
+    // In the order of Forces{gravity, friction, damping, wrenches}, for the same bits.
+    return weight + (resistance.friction(body, state) + (resistance.damping(body, state) + own));
   }
 };
 
