@@ -1,8 +1,11 @@
 #include "contact_law.hpp"
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <rbres/io/contact_law.hpp>
 #include <rbres/io/contact_training.hpp>
+#include <rbres/learn/contact_law_simulator.hpp>
 #include <rbres/paper/scenario_trajectories.hpp>
 
 #include "../scenarios/compiled.hpp"
@@ -12,22 +15,6 @@ namespace paper {
 namespace {
 
 constexpr double frame_time = 0.02, duration = 2;  // s
-
-template <BodySet Set, int N>
-void run(const LawScenario<Set>& scenario, const typename LawScenario<Set>::State& y,
-         const typename LawScenario<Set>::Wrenches& wrench,
-         std::span<typename LawScenario<Set>::State> states) {
-  SystemState<double, N> now;
-  ConstantWrench<double, N> own;
-  std::copy_n(y.body.begin(), N, now.body.begin());
-  std::copy_n(wrench.begin(), N, own.wrench.begin());
-  for (auto& next : states) {
-    simulate(scenario_system<Set, N>(scenario.world), now, scenario_forces<Set>(own), Rk4{}, *scenario.law,
-             {.step = frame_time, .duration = scenario.horizon});
-    next = y;
-    std::copy_n(now.body.begin(), N, next.body.begin());
-  }
-}
 
 }  // namespace
 
@@ -65,10 +52,20 @@ Law learn_law(World world, const LawProtocol& protocol, std::uint64_t seed,
 template <BodySet Set>
 void LawScenario<Set>::rollout(const State& y, const Wrenches& wrench, std::span<State> states,
                                int present) const {
-  if (present < 3 || present > 5) detail::refuse("bodies of a scenario", "3 to 5", present);
-  present == 3   ? run<Set, 3>(*this, y, wrench, states)
-  : present == 4 ? run<Set, 4>(*this, y, wrench, states)
-                 : run<Set, 5>(*this, y, wrench, states);
+  const Body<double, ShapeOf<Set>> own = scenario_body<Set>();
+  const Body<double> body(own.shape(), own.mass(), own.inertia(), own.material());
+  const auto [gravity, friction, damping] = scenario_forces<Set>().models;
+  ContactLawSimulator simulator(SceneSystem(std::vector(static_cast<std::size_t>(present), body),
+                                            scenario_system<Set, 1>(world).planes()),
+                                SceneForces{gravity, {friction, damping}, {{wrench.begin(), wrench.end()}}},
+                                *law);
+  SceneState now{{y.body.begin(), y.body.begin() + present}};
+  const long frames = std::lround(horizon / frame_time);
+  for (auto& next : states) {
+    for (long k = 0; k < frames; ++k) simulator(now);
+    next = y;
+    std::copy_n(now.body.begin(), present, next.body.begin());
+  }
 }
 
 template struct LawScenario<BodySet::standard>;

@@ -5,6 +5,8 @@
 #include <rbres/learn/scene_step.hpp>
 #include <rbres/learn/scene_system.hpp>
 
+#include <utility>
+
 namespace rbres::RBRES_ABI {
 
 /// Takes the bodies of one scene from frame to frame by a learned contact law, alone or as a correction. Not
@@ -16,11 +18,12 @@ class ContactLawSimulator {
   /// simulator. Throws Error where its frame time is not the set's.
   ContactLawSimulator(const TrajectorySet& set, const Trajectory& scene, const Law& law,
                       SceneStep::Velocity velocity = SceneStep::Velocity::instant)
-      : system_(scene_system(set, scene)),
-        forces_(scene_forces(set, scene)),
-        velocity_(velocity),
-        h_(set.frame_time()),
-        step_(law, system_, {.step = h_}) {}
+      : ContactLawSimulator(scene_system(set, scene), scene_forces(set, scene), law, velocity,
+                            set.frame_time()) {}
+  /// The same for bodies of no set, by the law's own frame time.
+  ContactLawSimulator(SceneSystem system, SceneForces forces, const Law& law,
+                      SceneStep::Velocity velocity = SceneStep::Velocity::instant)
+      : ContactLawSimulator(std::move(system), std::move(forces), law, velocity, law.scales.frame_time) {}
   ContactLawSimulator(const ContactLawSimulator&) = delete;
   ContactLawSimulator& operator=(const ContactLawSimulator&) = delete;
 
@@ -35,6 +38,14 @@ class ContactLawSimulator {
 
  private:
   struct NoObserver {};
+
+  ContactLawSimulator(SceneSystem system, SceneForces forces, const Law& law, SceneStep::Velocity velocity,
+                      double frame_time)
+      : system_(std::move(system)),
+        forces_(std::move(forces)),
+        velocity_(velocity),
+        h_(frame_time),
+        step_(law, system_, {.step = h_}) {}
 
   SceneSystem system_;
   SceneForces forces_;
