@@ -18,6 +18,7 @@ let scene = { ...standard };
 let recording = null;
 let frames = 0;  // simulated since the start
 let cost = 0;  // of a step, smoothed, us
+let stale = true;  // what the picture shows
 
 function say(text) { $('message').textContent = text; }
 
@@ -84,6 +85,7 @@ async function change(next) {
   if (!done) scene = before;
   history.replaceState(null, '', address());
   showControls();
+  stale = true;
 }
 
 // The page's own law, where no other was opened.
@@ -112,6 +114,7 @@ function step() {
 }
 
 function measure() {
+  stale = true;
   const time = physics.time;
   const values = { energy: physics.energy, contacts: physics.points.length / 3, cost, error: scene.law ? physics.error : 0 };
   for (const [name, value] of Object.entries(values)) plots[name].add(time, value);
@@ -156,16 +159,21 @@ function show(next) {
   }
   $('timeline').hidden = !next;
   view.solid.visible = view.room.visible = !next;
+  stale = true;
 }
 
 function drawRecording(seconds) {
+  if (recording.playing) stale = true;
   if (recording.playing) recording.show(recording.time >= recording.duration ? 0 : recording.time + seconds);
   $('at').value = recording.time;
   $('at-text').textContent = recording.time.toFixed(2) + ' s';
   $('play').textContent = recording.playing ? '❚❚' : '▶';
 }
 
+// Draws where something has changed: a page that rests costs nothing.
 function draw() {
+  if (!stale) return;
+  stale = false;
   view.place(view.solid, physics.states);
   view.ghost.visible = scene.law && !recording;
   if (view.ghost.visible) view.place(view.ghost, physics.ghostStates);
@@ -189,19 +197,22 @@ const controls = {
 for (const [id, act] of Object.entries(controls)) $(id).addEventListener('click', act);
 for (const id of sliders) $(id).addEventListener('input', () => change({ [id]: Number($(id).value) }));
 for (const id of [...shapes, 'law', 'points']) $(id).addEventListener('change', () => change({ [id]: $(id).checked }));
-$('at').addEventListener('input', () => { recording.playing = false; recording.show(Number($('at').value)); });
+$('at').addEventListener('input', () => { recording.playing = false; recording.show(Number($('at').value)); stale = true; });
 $('file').addEventListener('change', () => { if ($('file').files.length > 0) open($('file').files[0]); $('file').value = ''; });
+view.controls.addEventListener('change', () => { stale = true; });
+new ResizeObserver(() => { stale = true; }).observe($('view'));
 addEventListener('hashchange', () => change(readAddress()));
 
 const keys = {
   ' ': controls.run, s: controls.step, r: controls.reset, t: throwBody, g: controls.restart,
-  n: () => view.choose((view.chosen + 1) % physics.bodies.length),
+  n: () => { view.choose((view.chosen + 1) % physics.bodies.length); stale = true; },
 };
 addEventListener('keydown', (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   const turns = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.06], ArrowDown: [0, 0.06] }[event.key];
   if (turns && event.target === $('view')) {
     view.turn(...turns);
+    stale = true;
     event.preventDefault();
     return;
   }

@@ -55,7 +55,7 @@ export class View {
     const sun = new THREE.DirectionalLight(0xfff1de, 3.2);
     sun.position.set(2.2, -2.6, 6);
     sun.castShadow = true;
-    sun.shadow.mapSize.set(2048, 2048);
+    sun.shadow.mapSize.set(1024, 1024);
     sun.shadow.radius = 5;
     sun.shadow.bias = -2e-4;
     sun.shadow.normalBias = 0.01;
@@ -110,8 +110,8 @@ export class View {
     }
     bodies.forEach((body, i) => {
       const shape = geometry(body);
-      const mesh = new THREE.Mesh(shape, new THREE.MeshPhysicalMaterial({
-        color: colours[i % colours.length], map: body.kind === 1 ? null : this.texture, roughness: 0.32, clearcoat: 0.6, clearcoatRoughness: 0.25,
+      const mesh = new THREE.Mesh(shape, new THREE.MeshStandardMaterial({
+        color: colours[i % colours.length], map: body.kind === 1 ? null : this.texture, roughness: 0.22,
       }));
       mesh.castShadow = mesh.receiveShadow = true;
       this.solid.add(mesh);
