@@ -2,8 +2,9 @@
 // of the native program do, bit for bit. Usage: node test.mjs PAGE NATIVE [FOLDER for pictures]
 import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
-import { readFile } from 'node:fs/promises';
+import { mkdtemp, readFile, rm } from 'node:fs/promises';
 import { createServer } from 'node:http';
+import { tmpdir } from 'node:os';
 import { extname, join, normalize } from 'node:path';
 import { chromium } from 'playwright-core';
 
@@ -27,6 +28,7 @@ const browser = await chromium.launch({
   executablePath: process.env.CHROMIUM ?? '/usr/bin/chromium',
   args: ['--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'],
 });
+const scratch = await mkdtemp(join(tmpdir(), 'rbres-web-'));
 const faults = [];
 
 async function openPage(hash = '', size = { width: 780, height: 400 }) {
@@ -44,7 +46,7 @@ async function openPage(hash = '', size = { width: 780, height: 400 }) {
 // The page that most tests share, since loading takes a software renderer seconds.
 let shared;
 async function visit(hash) {
-  shared ??= await openPage();
+  shared ??= await openPage('#run=0');
   await shared.evaluate((to) => { location.hash = to; }, hash);
   await drawn(shared);
   await shared.click('#reset');
@@ -123,8 +125,8 @@ const tests = {
         for (let k = 0; k < count; ++k) if (!rbres.physics.step()) throw new Error('not finite');
         return [...rbres.physics.states];
       }, [scene, count]);
-      const words = [bodies, Number(spheres), Number(boxes), Number(capsules), restitution, friction, gravity, seed].map(String);
-      const theirs = execFileSync(native, words, { input: String(count) }).toString().trim().split(/\s+/).map(number);
+      const words = [bodies, Number(spheres), Number(boxes), Number(capsules), restitution, friction, gravity, seed, count].map(String);
+      const theirs = execFileSync(native, words).toString().trim().split(/\s+/).map(number);
       assert.equal(own.length, 13 * bodies);
       assert.deepEqual(own, theirs, `scene ${JSON.stringify(scene)}`);
     }
@@ -256,6 +258,7 @@ const tests = {
   },
 
   async 'takes its scene from the address'() {
+    await visit('#run=0');
     const page = await openPage('#run=0&bodies=3&gravity=1.62&seed=9&spheres=0');
     assert.deepEqual(await page.evaluate(() => [rbres.scene.bodies, rbres.scene.gravity, rbres.scene.seed, rbres.scene.spheres]), [3, 1.62, 9, false]);
     assert.equal(await page.inputValue('#gravity'), '1.62');
@@ -285,6 +288,34 @@ const tests = {
     await page.waitForFunction(() => rbres.scene.law);
   },
 
+  async 'plays a glTF animation and takes the time from its line'() {
+    const page = await visit('#run=0&bodies=4');
+    const file = join(scratch, 'run.glb'), count = 60;
+    const states = execFileSync(native, ['4', '1', '1', '1', '0.5', '0.3', '9.81', '1', String(count), file]).toString().trim().split(/\s+/).map(number);
+    await page.setInputFiles('#file', file);
+    await page.waitForFunction(() => rbres.recording);
+    assert.ok(await page.isVisible('#timeline'));
+    await page.waitForFunction(() => rbres.recording.time > 0.05);
+    await set(page, 'at', 0.5);
+    assert.equal(await page.evaluate(() => rbres.recording.time), 0.5);
+    await drawn(page);
+    const middle = await picture(page);
+    await set(page, 'at', count / 60);
+    await drawn(page);
+    assert.ok(differing(middle, await picture(page)) > 1e-3);
+    const places = await page.evaluate(() => [0, 1, 2, 3].map((i) => {
+      const mesh = rbres.recording.group.getObjectByName('run_' + i);
+      rbres.recording.group.updateMatrixWorld(true);
+      return mesh.matrixWorld.elements.slice(12, 15);
+    }));
+    places.forEach((place, i) => place.forEach((x, d) => assert.ok(Math.abs(x - states[13 * i + d]) < 1e-5, `body ${i}: ${place}`)));
+    await page.click('#close');
+    assert.ok(!(await page.isVisible('#timeline')));
+    await page.setInputFiles('#file', { name: 'wrong.glb', mimeType: '', buffer: Buffer.from('no animation') });
+    await page.waitForFunction(() => document.getElementById('message').textContent !== '');
+    assert.equal(await page.evaluate(() => rbres.recording), null);
+  },
+
   async 'fits a phone'() {
     const page = await openPage('#bodies=6&run=0', { width: 390, height: 844 });
     assert.equal(await page.evaluate(() => document.documentElement.scrollWidth), 390);
@@ -309,9 +340,9 @@ for (const [name, test] of Object.entries(tests)) {
   }
 }
 if (pictures) {
-  for (const [name, size, hash] of [['web', { width: 1280, height: 800 }, '#bodies=24&seed=3&run=0'], ['web_phone', { width: 390, height: 844 }, '#run=0']]) {
+  for (const [name, size, hash] of [['web', { width: 1280, height: 800 }, '#bodies=16&seed=3&law=1&run=0'], ['web_phone', { width: 390, height: 844 }, '#run=0']]) {
     const page = await openPage(hash, size);
-    for (let k = 0; k < 75; ++k) await page.evaluate(() => document.getElementById('step').click());
+    for (let k = 0; k < 70; ++k) await page.evaluate(() => document.getElementById('step').click());
     await drawn(page);
     await page.screenshot({ path: join(pictures, name + '.png') });
     await page.close();
@@ -319,5 +350,6 @@ if (pictures) {
 }
 await browser.close();
 server.close();
+await rm(scratch, { recursive: true });
 console.log(`${Object.keys(tests).length - failed} passed, ${failed} failed`);
 process.exit(failed ? 1 : 0);

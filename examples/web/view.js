@@ -52,14 +52,14 @@ export class View {
     this.controls.target.set(0, 0, 0.45);
     this.camera.position.set(3.6, -5.2, 3.5);
 
-    const sun = new THREE.DirectionalLight(0xfff1de, 3.2);
-    sun.position.set(2.2, -2.6, 6);
+    const sun = new THREE.DirectionalLight(0xfff1de, 3.6);
+    sun.position.set(4.2, -1.6, 5);
     sun.castShadow = true;
     sun.shadow.mapSize.set(1024, 1024);
-    sun.shadow.radius = 5;
+    sun.shadow.radius = 3;
     sun.shadow.bias = -2e-4;
     sun.shadow.normalBias = 0.01;
-    Object.assign(sun.shadow.camera, { left: -3, right: 3, top: 3, bottom: -3, near: 1, far: 12 });
+    Object.assign(sun.shadow.camera, { left: -3, right: 3, top: 3, bottom: -3, near: 1, far: 14 });
     const sky = new THREE.HemisphereLight(0x9ec9ff, 0x1a2233, 0.45);
     this.scene.add(sun, sky);
     this.build();
@@ -83,7 +83,7 @@ export class View {
   build() {
     const floor = new THREE.Mesh(new THREE.CircleGeometry(16, 96), new THREE.MeshStandardMaterial({ color: 0x1a2336, roughness: 0.85, metalness: 0.1 }));
     floor.position.z = -0.002;
-    const inside = new THREE.Mesh(new THREE.PlaneGeometry(2 * half, 2 * half), new THREE.MeshStandardMaterial({ color: 0x2c3a58, roughness: 0.55 }));
+    const inside = new THREE.Mesh(new THREE.PlaneGeometry(2 * half, 2 * half), new THREE.MeshStandardMaterial({ color: 0x33436a, roughness: 0.6 }));
     floor.receiveShadow = inside.receiveShadow = true;
     const grid = new THREE.GridHelper(2 * half, 8, 0x6f88b8, 0x51668f).rotateX(Math.PI / 2);
     grid.position.z = 0.001;
