@@ -31,7 +31,7 @@ const browser = await chromium.launch({
 const scratch = await mkdtemp(join(tmpdir(), 'rbres-web-'));
 const faults = [];
 
-async function openPage(hash = '', size = { width: 780, height: 400 }) {
+async function openPage(hash = '', size = { width: 780, height: 320 }) {
   const page = await browser.newPage({ viewport: size });
   page.setDefaultTimeout(60_000);
   page.on('console', (message) => {
@@ -249,9 +249,9 @@ const tests = {
     // Beside the bodies the pointer turns the view.
     const camera = () => page.evaluate(() => rbres.view.camera.position.toArray());
     const before = await camera();
-    await page.mouse.move(20, 380);
+    await page.mouse.move(20, 300);
     await page.mouse.down();
-    await page.mouse.move(80, 380, { steps: 3 });
+    await page.mouse.move(80, 300, { steps: 3 });
     await page.mouse.up();
     await drawn(page);
     assert.notDeepEqual(await camera(), before);
