@@ -107,6 +107,17 @@ const tests = {
     await visit('#run=0&bodies=1&boxes=0&capsules=0');
     await drawn(page);
     assert.ok(coloured(await picture(page)) < 0.5 * coloured(first));
+    // The picture has the one ball where physics has it.
+    for (let k = 0; k < 3; ++k) {
+      for (let j = 0; j < 10; ++j) await page.click('#step');
+      await drawn(page);
+      const [x, y, width] = await page.evaluate(() => {
+        const { view, physics } = rbres, at = view.camera.position.clone().fromArray(physics.states).project(view.camera);
+        return [Math.round(((at.x + 1) / 2) * view.canvas.width), Math.round(((1 - at.y) / 2) * view.canvas.height), view.canvas.width];
+      });
+      const pixel = (await picture(page)).slice(4 * (y * width + x), 4 * (y * width + x) + 3);
+      assert.ok(Math.max(...pixel) - Math.min(...pixel) > 60, `at ${x}, ${y}: ${pixel}; the floor is grey`);
+    }
   },
 
   async 'moves bodies as the native program does, bit for bit'() {
