@@ -1,13 +1,13 @@
 #pragma once
 
-#include <bit>
 #include <cstdint>
 #include <rbres/core/abi.hpp>
 
 namespace rbres::RBRES_ABI {
 
 /// The upper half of a float: its sign, exponent, and 7 of the 23 bits of its fraction. Numbers are stored
-/// so, in half the memory, and read as floats; there is no arithmetic of its own.
+/// so, in half the memory, and read as floats; there is no arithmetic of its own. (libc++ 13 has no
+/// bit_cast.)
 struct bfloat16 {
   std::uint16_t bits = 0;  ///< as they stand in memory
 
@@ -16,7 +16,7 @@ struct bfloat16 {
   /// The nearest one, ties to even: off by at most a 256th of x. What is not finite stays so; the largest
   /// floats become infinite.
   constexpr explicit bfloat16(float x) noexcept {
-    const auto whole = std::bit_cast<std::uint32_t>(x);
+    const auto whole = __builtin_bit_cast(std::uint32_t, x);
     const bool is_nan = (whole & 0x7fffffff) > 0x7f800000;
     const std::uint32_t rounded = is_nan ? whole | 0x400000 : whole + 0x7fff + (whole >> 16 & 1);
     bits = static_cast<std::uint16_t>(rounded >> 16);
@@ -29,7 +29,7 @@ struct bfloat16 {
   }
   /// Exactly.
   constexpr operator float() const noexcept {
-    return std::bit_cast<float>(static_cast<std::uint32_t>(bits) << 16);
+    return __builtin_bit_cast(float, static_cast<std::uint32_t>(bits) << 16);
   }
 };
 

@@ -43,7 +43,15 @@ std::string text(const Parts&... parts) {
 /// The shortest text that reads back as the same number.
 inline std::string exact(double x) {
   std::array<char, 32> text;
+#if defined(_LIBCPP_VERSION) && _LIBCPP_VERSION < 14000  // has no to_chars of doubles
+  for (int digits = 1; digits <= 17; ++digits) {
+    std::snprintf(text.data(), text.size(), "%.*g", digits, x);
+    if (std::strtod(text.data(), nullptr) == x) break;
+  }
+  return text.data();
+#else
   return {text.data(), std::to_chars(text.data(), text.data() + text.size(), x).ptr};
+#endif
 }
 
 /// Throws Error(what); without exceptions, see error_handler.

@@ -181,7 +181,8 @@ class Network {
   /// The same network with its parameters kept in another type, each rounded to the nearest.
   template <class Other>
   requires(!std::same_as<Other, W>) explicit Network(const Network<T, Layers, Other>& other) : Network() {
-    std::ranges::transform(other.parameters(), parameters_.data(), [](Other x) { return W(T(x)); });
+    const std::span<const Other> theirs = other.parameters();
+    std::transform(theirs.begin(), theirs.end(), parameters_.data(), [](Other x) { return W(T(x)); });
   }
 
   /// The whole block. Numbers that no tensor names are filling and must stay zero.

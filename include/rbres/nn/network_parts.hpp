@@ -91,7 +91,7 @@ class NetworkParts {
   explicit NetworkParts(std::uint64_t seed) : NetworkParts() {
     detail::unrolled<part_count>([&](auto i) {
       const Part<i> part(seed * std::uint64_t{part_count} + std::uint64_t{i});
-      std::ranges::copy(part.parameters(), parameters_.data() + offset(i));
+      std::copy_n(part.parameters().data(), part.parameters().size(), parameters_.data() + offset(i));
     });
   }
 
