@@ -62,15 +62,15 @@ struct ContactFrame {
     clear_contacts();
   }
 
-  /// Adds a scene that flies freely from `start` to `flown`.
+  /// Adds a scene that flies freely from `start` to `flown`, with all its contacts where none are to follow.
   template <class Shape>
   void add(const SceneView<Shape>& scene, std::span<const RigidState<double>> start,
-           std::span<const RigidState<double>> flown, const ContactScales& scales) {
+           std::span<const RigidState<double>> flown, const ContactScales& scales, bool last = false) {
     const std::size_t base = flights.size();
     for (std::size_t i = 0; i < scene.bodies.size(); ++i)
       flights.push_back(contact_flight(scene.bodies[i], start[i], flown[i], scales.frame_time));
     since_.resize(flights.size(), 0);
-    find(scene, base, scales, false);
+    find(scene, base, scales, last);
   }
 
   /// Whether impulses have changed paths in such a way that other impacts may follow within the frame.

@@ -86,7 +86,7 @@ struct ContactLaw {
     Frame& frame = own.frame;
     const detail::SceneView<Shape> scene{bodies, planes};
     frame.clear();
-    frame.add(scene, start, flown, scales);
+    frame.add(scene, start, flown, scales, true);
     for (std::size_t i = 0; i < states.size(); ++i) frame.flights[i].end = states[i].position;
     answer(bodies, states, share, own);
     return std::ssize(frame.contacts);

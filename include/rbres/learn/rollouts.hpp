@@ -195,7 +195,8 @@ class Rollouts {
     each_scene(items, [&](const auto& scene, std::size_t base, [[maybe_unused]] std::size_t number) {
       const std::size_t n = scene.bodies.size();
       answer->contacts.add(scene, std::span<const RigidState<double>>(frame.start).subspan(base, n),
-                           std::span<const RigidState<double>>(frame.flown).subspan(base, n), law_.scales);
+                           std::span<const RigidState<double>>(frame.flown).subspan(base, n), law_.scales,
+                           Law::corrects);
       if constexpr (Law::corrects)
         detail::AnalyticAnswer<SceneSystem>::resolve(
             *own.scenes[number], std::span<const RigidState<double>>(frame.start).subspan(base, n),
