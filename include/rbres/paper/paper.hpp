@@ -4,5 +4,6 @@
 /// its predictors are held against. Files of it are in <rbres/io/scenario_data.hpp>.
 #include <rbres/paper/scenario.hpp>
 #include <rbres/paper/scenario_data.hpp>
+#include <rbres/paper/scenario_trajectories.hpp>
 #include <rbres/paper/scenario_transitions.hpp>
 #include <rbres/paper/simulated_scenario.hpp>
