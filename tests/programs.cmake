@@ -3,8 +3,9 @@ get_property(programs DIRECTORY ${PROJECT_SOURCE_DIR}/examples PROPERTY BUILDSYS
 # Files to read that are not a program's first argument: the options that come before them, kinds apart by "+".
 set(broken_rbres_rollout "--model")
 set(broken_rbres_train "--start+--resume --checkpoint+--targets broken --inputs")
-# This one makes the folder that is its first argument.
+# These make the folder that is their first argument.
 set(refused_rbres_contacts_mujoco "broken+empty")
+set(refused_rbres_web_scenes "broken+empty")
 foreach(program IN LISTS programs)
   get_target_property(type ${program} TYPE)
   if(type STREQUAL "EXECUTABLE")

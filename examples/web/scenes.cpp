@@ -1,9 +1,7 @@
 // Writes the trajectories from which the page's contact law was learned: scenes of the page's own world.
 #include <rbres/io/trajectories.hpp>
 
-#include <cstdio>
-
-#include "../common/help.hpp"
+#include "../common/command_line.hpp"
 #include "world.hpp"
 
 namespace {
@@ -12,7 +10,7 @@ using namespace web;
 
 constexpr int steps_per_law_frame = 2, frames = 240;
 
-Trajectory run(int seed) {
+Trajectory simulated(int seed) {
   World world({.bodies = 6, .seed = seed});
   std::vector<Body<double>> bodies;
   std::vector<RigidState<double>> states;
@@ -24,31 +22,26 @@ Trajectory run(int seed) {
   return {bodies, states};
 }
 
-void write(const std::filesystem::path& folder, int first, int count) {
-  std::vector<Trajectory> scenes;
-  for (int i = 0; i < count; ++i) scenes.push_back(run(first + i));
-  write_trajectories(
-      folder, {steps_per_law_frame * step, {0, 0, -9.81}, World({}).room().planes(), std::move(scenes)});
+void run(const std::filesystem::path& folder) {
+  // What cannot be written is found out before the scenes are simulated.
+  for (const char* name : {"train", "test"}) detail::make_empty_folder(folder / name);
+  const auto write = [&](const char* name, int first, int count) {
+    std::vector<Trajectory> scenes;
+    for (int i = 0; i < count; ++i) scenes.push_back(simulated(first + i));
+    write_trajectories(
+        folder / name,
+        {steps_per_law_frame * step, {0, 0, -9.81}, World({}).room().planes(), std::move(scenes)});
+  };
+  write("train", 10'000, 600);
+  write("test", 20'000, 60);
 }
 
 }  // namespace
 
-int main(int count, char** words) {
-  constexpr const char* usage =
-      "usage: rbres_web_scenes [--help] FOLDER\n"
-      "Writes the trajectories from which the page's contact law was learned to FOLDER/train and "
-      "FOLDER/test.\n";
-  if (asks_for_help(count, words)) return print_help(words, usage);
-  if (count != 2) {
-    std::fputs(usage, stderr);
-    return 2;
-  }
-  try {
-    const std::filesystem::path folder = words[1];
-    write(folder / "train", 10'000, 600);
-    write(folder / "test", 20'000, 60);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 1;
-  }
+int main(int argc, char** argv) {
+  std::string folder;
+  CLI::App app{
+      "Writes FOLDER/train and FOLDER/test: the trajectories from which the page's contact law was learned."};
+  app.add_option("FOLDER", folder, "where the sets go")->required();
+  return run_program("rbres_web_scenes", app, argc, argv, [&] { run(folder); });
 }
