@@ -8,7 +8,7 @@
 #include <rbres/learn/identify.hpp>
 #include <rbres/learn/learn_contacts.hpp>
 
-#include "common/help.hpp"
+#include "common/command_line.hpp"
 #include "common/scenes.hpp"
 #include "tosses/score.hpp"
 #include "tosses/toss.hpp"
@@ -18,22 +18,11 @@ namespace {
 using namespace rbres;
 using namespace rbres::tosses;
 
-constexpr const char* usage =
-    "usage: rbres_tosses FOLDER [--test FILE] [--json] [--help]\n"
-    "Identifies friction, restitution, gravity, inertia, size and floor, and learns a contact law, alone and "
-    "as a\n"
-    "correction of the simulator (hybrid), from FOLDER/train.npy (the ContactNets cube tosses: a row per "
-    "frame at\n"
-    "148 Hz, 14 columns: toss number, position in m, quaternion with its real part first, velocity in m/s,\n"
-    "body-frame angular velocity in rad/s). Prints the mean position and rotation errors of 80-frame "
-    "rollouts "
-    "from\n"
-    "the first frame of each toss of FOLDER/validation.npy. Takes some minutes.\n"
-    "  --test FILE  report on this file instead of FOLDER/validation.npy\n"
-    "  --json       print an array of {\"predictor\", \"position_m\", \"rotation_rad\"} instead of the "
-    "table\n"
-    "A file that is missing, or has a single broken row, is refused. Exit status: 0, or 2 with one line that "
-    "says why.\n";
+struct Options {
+  std::string folder, test_file;
+  bool json = false;
+  std::uint64_t seed = 1;
+};
 
 constexpr SceneStep::Velocity mean = SceneStep::Velocity::mean;
 using Law = ContactLaw<48, 2>;
@@ -41,16 +30,20 @@ using Hybrid = HybridLaw<48, 2>;
 
 /// Positions count in 1.4 cm, angles in 0.1 rad. From single frames to whole tosses; the hybrid starts from
 /// the simulator, which is right in the main, with long rollouts.
-ContactLearning learning(std::vector<ContactLearning::Stage> stages, double rate) {
+ContactLearning learning(std::vector<ContactLearning::Stage> stages, double rate, std::uint64_t seed) {
   return {.stages = std::move(stages),
           .learning_rate = rate,
           .loss = {{70, 1}, {10, 3}, {0.7, 5}, {0.03, 50}, 3},
           .velocity = mean,
-          .seed = 1};
+          .seed = seed};
 }
-const ContactLearning law_learning =
-    learning({{1, 1, 2, 256}, {4, 2, 4, 64}, {16, 4, 8, 32}, {40, 8, 10, 32}, {79, 8, 20, 32}}, 2e-3);
-const ContactLearning hybrid_learning = learning({{40, 8, 8, 64}, {79, 4, 16, 64}}, 5e-4);
+ContactLearning law_learning(std::uint64_t seed) {
+  return learning({{1, 1, 2, 256}, {4, 2, 4, 64}, {16, 4, 8, 32}, {40, 8, 10, 32}, {79, 8, 20, 32}}, 2e-3,
+                  seed);
+}
+ContactLearning hybrid_learning(std::uint64_t seed) {
+  return learning({{40, 8, 8, 64}, {79, 4, 16, 64}}, 5e-4, seed);
+}
 
 /// Friction, restitution, gravity, inertia and size; and the floor's height, which with the cube's size says
 /// where it comes to rest.
@@ -81,8 +74,10 @@ struct Row {
   Score score;
 };
 
-void run(const std::filesystem::path& folder, std::filesystem::path test_file, bool json) {
-  if (test_file.empty()) test_file = folder / "validation.npy";
+void run(const Options& options) {
+  const std::filesystem::path folder = options.folder;
+  const std::filesystem::path test_file =
+      options.test_file.empty() ? folder / "validation.npy" : std::filesystem::path(options.test_file);
   const auto train_tosses = read_tosses(folder / "train.npy"), test_tosses = read_tosses(test_file);
   const double floor = floor_height(train_tosses);
   const TrajectorySet train = toss_set(train_tosses, floor), nominal = toss_set(test_tosses, floor);
@@ -90,8 +85,8 @@ void run(const std::filesystem::path& folder, std::filesystem::path test_file, b
   const Identification world = identify_world(train);
   const TrajectorySet tosses = world.numbers().world_of(train), test = world.numbers().world_of(nominal);
   const Parts parts(until_rest(tosses, 81));
-  const auto law = learned<Law>("network", parts, law_learning);
-  auto hybrid = learned<Hybrid>("hybrid", parts, hybrid_learning);
+  const auto law = learned<Law>("network", parts, law_learning(options.seed));
+  auto hybrid = learned<Hybrid>("hybrid", parts, hybrid_learning(options.seed));
   hybrid.weight = best_weight(hybrid, [&](const Hybrid& law) {
     const Score s = score(
         parts.choose, [&](const auto& toss) { return ContactLawSimulator(parts.choose, toss, law, mean); });
@@ -105,10 +100,10 @@ void run(const std::filesystem::path& folder, std::filesystem::path test_file, b
       {"network alone", score(test, [&](const auto& t) { return ContactLawSimulator(test, t, law, mean); })},
       {"hybrid", score(test, [&](const auto& t) { return ContactLawSimulator(test, t, hybrid, mean); })}};
 
-  if (!json) std::printf("%-18s %10s %13s\n", "80-frame rollouts", "position m", "rotation rad");
-  if (json) std::puts("[");
+  if (!options.json) std::printf("%-18s %10s %13s\n", "80-frame rollouts", "position m", "rotation rad");
+  if (options.json) std::puts("[");
   for (const Row& row : rows) {
-    if (json) {
+    if (options.json) {
       std::printf("  {\"predictor\": \"%s\", \"position_m\": %.6f, \"rotation_rad\": %.6f}%s\n",
                   row.predictor, row.score.position, row.score.rotation,
                   &row == std::end(rows) - 1 ? "" : ",");
@@ -116,40 +111,26 @@ void run(const std::filesystem::path& folder, std::filesystem::path test_file, b
       std::printf("%-18s %10.4f %13.3f\n", row.predictor, row.score.position, row.score.rotation);
     }
   }
-  if (json) std::puts("]");
+  if (options.json) std::puts("]");
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  std::string folder, test_file;
-  bool json = false;
-  if (asks_for_help(argc, argv)) return print_help(argv, usage);
-  for (int i = 1; i < argc; ++i) {
-    const std::string argument = argv[i];
-    if (argument == "--json") {
-      json = true;
-    } else if (argument == "--test") {
-      if (i + 1 == argc || argv[i + 1][0] == '-') {
-        std::fputs("rbres_tosses: no file after --test; see --help\n", stderr);
-        return 2;
-      }
-      test_file = argv[++i];
-    } else if (folder.empty() && !argument.starts_with("-")) {
-      folder = argument;
-    } else {
-      return refuse_argument(argv, argv[i]);
-    }
-  }
-  if (folder.empty()) {
-    std::fputs("rbres_tosses: which folder holds train.npy? see --help\n", stderr);
-    return 2;
-  }
-  try {
-    run(folder, test_file, json);
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "rbres_tosses: %s\n", error.what());
-    return 2;
-  }
-  return finish(argv);
+  Options options;
+  CLI::App app{
+      "Identifies friction, restitution, gravity, inertia, size and floor, and learns a contact law, alone "
+      "and "
+      "as a correction of the simulator (hybrid), from FOLDER/train.npy (the ContactNets cube tosses: a row "
+      "per frame at 148 Hz, 14 columns: toss number, position in m, quaternion with its real part first, "
+      "velocity in m/s, body-frame angular velocity in rad/s). Prints the mean position and rotation errors "
+      "of 80-frame rollouts from the first frame of each toss of FOLDER/validation.npy. Takes some minutes. "
+      "A file that is missing, or has a single broken row, is refused. Exit status: 0, or 2 with one line "
+      "that says why."};
+  app.add_option("FOLDER", options.folder, "of train.npy and validation.npy")->required();
+  app.add_option("--test", options.test_file, "report on this file instead of FOLDER/validation.npy");
+  app.add_flag("--json", options.json,
+               "print an array of {\"predictor\", \"position_m\", \"rotation_rad\"} instead of the table");
+  seed_number(app, "--seed", options.seed, "of the networks' first weights and the order of training");
+  return run_program("rbres_tosses", app, argc, argv, [&] { run(options); });
 }
