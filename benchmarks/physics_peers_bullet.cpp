@@ -23,22 +23,20 @@ btScalar mean_friction(const btCollisionObject* first, const btCollisionObject* 
 
 class Bullet {
  public:
-  Bullet(Shape shape, const std::vector<Start>& starts, double step) : shape_(shape), step_(real(step)) {
+  Bullet(const Scene& scene, double step) : scene_(scene), step_(real(step)) {
     gCalculateCombinedRestitutionCallback = larger_restitution;
     gCalculateCombinedFrictionCallback = mean_friction;
-    world_.setGravity({0, 0, real(-gravity)});
+    world_.setGravity({0, 0, real(-scene.gravity)});
     // Penetration is always taken out apart from the velocities (default: only beyond 4 cm), else bounces
     // gain energy.
     world_.getSolverInfo().m_splitImpulsePenetrationThreshold = 0;
-    if (shape == Shape::sphere)
-      geometry_ = std::make_unique<btSphereShape>(real(radius));
-    else
-      geometry_ = std::make_unique<btBoxShape>(vector(half_extents));
-    add(0, btTransform::getIdentity(), floor_geometry_);
-    for (const Start& start : starts) {
+    for (const Wall& wall : scene.walls)
+      add(0, btTransform::getIdentity(),
+          std::make_unique<btStaticPlaneShape>(vector(wall.normal), real(wall.offset)));
+    for (const auto& [shape, size, item_mass, start] : scene.items) {
       const auto [x, y, z, w] = start.orientation;
       const btTransform pose(btQuaternion(real(x), real(y), real(z), real(w)), vector(start.position));
-      btRigidBody& body = add(real(mass), pose, *geometry_);
+      btRigidBody& body = add(real(item_mass), pose, geometry(shape, size));
       body.setLinearVelocity(vector(start.velocity));
       body.setAngularVelocity(pose.getBasis() * vector(start.spin));
     }
@@ -50,11 +48,12 @@ class Bullet {
   }
 
   void step() {
-    for (std::size_t i = 1; i < bodies_.size(); ++i) {
+    for (std::size_t i = scene_.walls.size(); scene_.air && i < bodies_.size(); ++i) {
+      const Shape shape = scene_.items[i - scene_.walls.size()].shape;
       const btVector3& v = bodies_[i]->getLinearVelocity();
       const btVector3 in_body = v * bodies_[i]->getWorldTransform().getBasis();  // transposed times v
       bodies_[i]->applyCentralForce(
-          vector(drag(shape_, {v.x(), v.y(), v.z()}, {in_body.x(), in_body.y(), in_body.z()})));
+          vector(drag(shape, {v.x(), v.y(), v.z()}, {in_body.x(), in_body.y(), in_body.z()})));
     }
     world_.stepSimulation(step_, 0);  // 0: exactly one step of this length
     for (int i = 0; i < dispatcher_.getNumManifolds(); ++i) {
@@ -68,20 +67,27 @@ class Bullet {
 
   double mean_height() const {
     double sum = 0.0;
-    for (std::size_t i = 1; i < bodies_.size(); ++i) sum += bodies_[i]->getWorldTransform().getOrigin().z();
-    return sum / static_cast<double>(bodies_.size() - 1);
+    for (std::size_t i = scene_.walls.size(); i < bodies_.size(); ++i)
+      sum += bodies_[i]->getWorldTransform().getOrigin().z();
+    return sum / static_cast<double>(scene_.items.size());
   }
 
  private:
-  btRigidBody& add(btScalar body_mass, const btTransform& pose, btCollisionShape& geometry) {
+  static std::unique_ptr<btCollisionShape> geometry(Shape shape, const Vec3& size) {
+    if (shape == Shape::sphere) return std::make_unique<btSphereShape>(real(size[0]));
+    if (shape == Shape::box) return std::make_unique<btBoxShape>(vector(size));
+    return std::make_unique<btCapsuleShapeZ>(real(size[0]), real(2 * size[1]));
+  }
+  btRigidBody& add(btScalar body_mass, const btTransform& pose, std::unique_ptr<btCollisionShape> geometry) {
     btVector3 moments(0, 0, 0);
-    if (body_mass > 0) geometry.calculateLocalInertia(body_mass, moments);
-    bodies_.push_back(std::make_unique<btRigidBody>(body_mass, nullptr, &geometry, moments));
+    if (body_mass > 0) geometry->calculateLocalInertia(body_mass, moments);
+    geometries_.push_back(std::move(geometry));
+    bodies_.push_back(std::make_unique<btRigidBody>(body_mass, nullptr, geometries_.back().get(), moments));
     btRigidBody& body = *bodies_.back();
     body.setWorldTransform(pose);
     body.setInterpolationWorldTransform(pose);
-    body.setFriction(real(friction));
-    body.setRestitution(real(restitution));
+    body.setFriction(real(scene_.friction));
+    body.setRestitution(real(scene_.restitution));
     body.setContactProcessingThreshold(
         0);  // else a contact ahead slows the body before it arrives: no bounce
     body.setActivationState(DISABLE_DEACTIVATION);
@@ -89,20 +95,19 @@ class Bullet {
     return body;
   }
 
-  Shape shape_;
+  Scene scene_;
   btScalar step_;
   btDefaultCollisionConfiguration configuration_;
   btCollisionDispatcher dispatcher_{&configuration_};
   btDbvtBroadphase broad_phase_;
   btSequentialImpulseConstraintSolver solver_;
   btDiscreteDynamicsWorld world_{&dispatcher_, &broad_phase_, &solver_, &configuration_};
-  btStaticPlaneShape floor_geometry_{btVector3(0, 0, 1), 0};
-  std::unique_ptr<btCollisionShape> geometry_;
-  std::vector<std::unique_ptr<btRigidBody>> bodies_;  // the floor first
+  std::vector<std::unique_ptr<btCollisionShape>> geometries_;  // of the bodies
+  std::vector<std::unique_ptr<btRigidBody>> bodies_;           // the walls first
   double contacts_ = 0;
 };
 
-const bool registered = register_peer<Bullet>("bullet");
+const bool registered = register_peer<Bullet>("bullet") && register_crowds<Bullet>("bullet");
 
 }  // namespace
 }  // namespace rbres::bench

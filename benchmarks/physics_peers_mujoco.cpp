@@ -24,16 +24,16 @@ std::string bouncy_solref() {
   return out.str();
 }
 
-std::string scene_xml(Shape shape, std::size_t bodies, double step, const char* integrator) {
+std::string scene_xml(const Scene& scene, double step, const char* integrator) {
   std::ostringstream xml;
   xml << "<mujoco><option timestep='" << step << "' integrator='" << integrator << "' gravity='0 0 "
       << -gravity << "'/><default><geom condim='3' friction='" << friction << " 0 0' solref='"
       << bouncy_solref() << "'/></default><worldbody><geom type='plane' size='0 0 1'/>";
-  for (std::size_t i = 0; i < bodies; ++i) {
-    xml << "<body><freejoint/><geom mass='" << mass << "' ";
-    const auto [a, b, c] = half_extents;
-    if (shape == Shape::sphere)
-      xml << "type='sphere' size='" << radius << "'/>";
+  for (const Item& item : scene.items) {
+    xml << "<body><freejoint/><geom mass='" << item.mass << "' ";
+    const auto [a, b, c] = item.size;
+    if (item.shape == Shape::sphere)
+      xml << "type='sphere' size='" << a << "'/>";
     else
       xml << "type='box' size='" << a << ' ' << b << ' ' << c << "'/>";
     xml << "</body>";
@@ -56,10 +56,12 @@ mjModel* load(const std::string& xml) {
 
 class Mujoco {
  public:
-  Mujoco(Shape shape, const std::vector<Start>& starts, double step, const char* integrator)
-      : shape_(shape), bodies_(starts.size()), model_(load(scene_xml(shape, bodies_, step, integrator))) {
+  Mujoco(const Scene& scene, double step, const char* integrator)
+      : shape_(scene.items.front().shape),
+        bodies_(scene.items.size()),
+        model_(load(scene_xml(scene, step, integrator))) {
     for (std::size_t i = 0; i < bodies_; ++i) {
-      const Start& start = starts[i];
+      const Start& start = scene.items[i].start;
       const auto [x, y, z, w] = start.orientation;
       const std::array scalar_first{w, x, y, z};
       mjtNum* pose = data_->qpos + 7 * i;

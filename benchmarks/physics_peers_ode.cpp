@@ -8,21 +8,27 @@ namespace {
 
 class Ode {
  public:
-  Ode(Shape shape, const std::vector<Start>& starts, double step) : shape_(shape), step_(step) {
+  Ode(const Scene& scene, double step) : scene_(scene), step_(step) {
     [[maybe_unused]] static const int initialised = (dInitODE2(0), 0);
-    dWorldSetGravity(world_, 0.0, 0.0, -gravity);
-    dCreatePlane(space_, 0.0, 0.0, 1.0, 0.0);
-    for (const Start& start : starts) {
+    // The quickest of its spaces for a handful of bodies, and for many.
+    space_ = scene.items.size() > 30 ? dSweepAndPruneSpaceCreate(nullptr, dSAP_AXES_XYZ)
+                                     : dSimpleSpaceCreate(nullptr);
+    dWorldSetGravity(world_, 0.0, 0.0, -scene.gravity);
+    for (const auto& [n, offset] : scene.walls) dCreatePlane(space_, n[0], n[1], n[2], offset);
+    for (const auto& [shape, size, item_mass, start] : scene.items) {
       const dBodyID body = dBodyCreate(world_);
+      const auto [a, b, c] = size;
       dGeomID geometry;
       dMass inertial;
       if (shape == Shape::sphere) {
-        geometry = dCreateSphere(space_, radius);
-        dMassSetSphereTotal(&inertial, mass, radius);
-      } else {
-        const auto [a, b, c] = half_extents;
+        geometry = dCreateSphere(space_, a);
+        dMassSetSphereTotal(&inertial, item_mass, a);
+      } else if (shape == Shape::box) {
         geometry = dCreateBox(space_, 2 * a, 2 * b, 2 * c);
-        dMassSetBoxTotal(&inertial, mass, 2 * a, 2 * b, 2 * c);
+        dMassSetBoxTotal(&inertial, item_mass, 2 * a, 2 * b, 2 * c);
+      } else {
+        geometry = dCreateCapsule(space_, a, 2 * b);
+        dMassSetCapsuleTotal(&inertial, item_mass, 3, a, 2 * b);
       }
       dBodySetMass(body, &inertial);
       dGeomSetBody(geometry, body);
@@ -48,11 +54,13 @@ class Ode {
   }
 
   void step() {
-    for (const dBodyID body : bodies_) {
+    for (std::size_t i = 0; scene_.air && i < bodies_.size(); ++i) {
+      const dBodyID body = bodies_[i];
       const dReal* v = dBodyGetLinearVel(body);
       dVector3 in_body;
       dBodyVectorFromWorld(body, v[0], v[1], v[2], in_body);
-      const auto [x, y, z] = drag(shape_, {v[0], v[1], v[2]}, {in_body[0], in_body[1], in_body[2]});
+      const auto [x, y, z] =
+          drag(scene_.items[i].shape, {v[0], v[1], v[2]}, {in_body[0], in_body[1], in_body[2]});
       dBodyAddForce(body, x, y, z);
     }
     dSpaceCollide(space_, this, &collide);
@@ -76,8 +84,8 @@ class Ode {
     const int count = dCollide(first, second, capacity, &contacts[0].geom, sizeof(dContact));
     for (int i = 0; i < count; ++i) {
       contacts[i].surface.mode = dContactBounce | dContactApprox1;
-      contacts[i].surface.mu = friction;
-      contacts[i].surface.bounce = restitution;
+      contacts[i].surface.mu = ode.scene_.friction;
+      contacts[i].surface.bounce = ode.scene_.restitution;
       contacts[i].surface.bounce_vel = 0.0;
       const dJointID joint = dJointCreateContact(ode.world_, ode.joints_, &contacts[i]);
       dJointAttach(joint, dGeomGetBody(first), dGeomGetBody(second));
@@ -85,16 +93,16 @@ class Ode {
     ode.contacts_ += count;
   }
 
-  Shape shape_;
+  Scene scene_;
   double step_;
   dWorldID world_ = dWorldCreate();
-  dSpaceID space_ = dSimpleSpaceCreate(nullptr);  // the quickest of its spaces for a handful of bodies
+  dSpaceID space_;
   dJointGroupID joints_ = dJointGroupCreate(0);
   std::vector<dBodyID> bodies_;
   double contacts_ = 0;
 };
 
-const bool registered = register_peer<Ode>("ode");
+const bool registered = register_peer<Ode>("ode") && register_crowds<Ode>("ode");
 
 }  // namespace
 }  // namespace rbres::bench

@@ -94,6 +94,61 @@ class Rbres {
   ContactMode mode_;
 };
 
+/// A scene of many bodies, continuous.
+template <class Geometry>
+class RbresCrowd {
+  using System = rbres::System<double, dynamic, Geometry>;
+  using State = typename System::State;
+
+ public:
+  RbresCrowd(const Scene& scene, double step)
+      : step_(step),
+        system_(make_system(scene)),
+        stepper_(system_, Gravity<double>{{0.0, 0.0, -scene.gravity}}, Rk4{}, {.step = step}) {
+    for (const Item& item : scene.items) {
+      const auto& [p, q, v, w] = item.start;
+      state_.body.push_back(
+          {{p[0], p[1], p[2]}, {q[0], q[1], q[2], q[3]}, {v[0], v[1], v[2]}, {w[0], w[1], w[2]}});
+    }
+  }
+  RbresCrowd(const RbresCrowd&) = delete;
+  RbresCrowd& operator=(const RbresCrowd&) = delete;
+
+  void step() { stepper_.step(state_, 0.0, step_); }
+  double contacts() const { return static_cast<double>(stepper_.tally().impacts); }
+  double mean_height() const {
+    double sum = 0.0;
+    for (const auto& body : state_.body) sum += body.position.z;
+    return sum / static_cast<double>(state_.size());
+  }
+
+ private:
+  static System make_system(const Scene& scene) {
+    const Material<double> material{scene.restitution, scene.friction};
+    std::vector<Body<double, Geometry>> bodies;
+    for (const auto& [shape, size, item_mass, start] : scene.items)
+      bodies.push_back({geometry(shape, size), item_mass, material});
+    std::vector<Plane<double>> planes;
+    for (const auto& [n, offset] : scene.walls) planes.push_back({{n[0], n[1], n[2]}, offset, material});
+    return {std::move(bodies), std::move(planes)};
+  }
+  static Geometry geometry(Shape shape, const Vec3& size) {
+    if constexpr (!std::is_same_v<Geometry, Sphere<double>>) {
+      if (shape == Shape::box) return Box<double>(size[0], size[1], size[2]);
+    }
+    if constexpr (std::is_same_v<Geometry, AnyShape<double>>) {
+      if (shape == Shape::capsule) return Capsule<double>(size[0], size[1]);
+    }
+    if constexpr (!std::is_same_v<Geometry, Box<double>>) return Sphere<double>(size[0]);
+    throw std::logic_error("a shape that the scene's engine has not");
+  }
+
+  double step_;
+  System system_;
+  State state_;
+  Stepper<System, Gravity<double>, Rk4> stepper_;
+};
+
 template <class S, template <class> class ShapeOf>
 void register_shape(Shape shape, const std::string& kind, ContactMode mode) {
   using Engine = Rbres<S, ShapeOf>;
@@ -169,6 +224,10 @@ const bool registered = [] {
   register_kind<Pack<float, native_lanes<float>>>("lanes", ContactMode::discrete);
   register_kind<double>("continuous", ContactMode::continuous);
   register_scaling<2, 5, 8, 27, 64, 125, 216>();
+  register_scene<RbresCrowd<AnyShape<double>>>("pile60/rbres", pile(60));
+  register_scene<RbresCrowd<Box<double>>>("stack20/rbres", stack(20));
+  register_scene<RbresCrowd<Sphere<double>>>("gas64/rbres", gas(64));
+  register_scene<RbresCrowd<Sphere<double>>>("gas1000/rbres", gas(1000));
   register_dataset<BodySet::standard>();
   register_dataset<BodySet::box>();
   return true;

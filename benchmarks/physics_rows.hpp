@@ -11,14 +11,14 @@
 
 namespace rbres::bench {
 
-/// Runs every scene for its whole duration; building the worlds is not timed. `build` gives a container of
-/// engines that together hold the scenes. An engine has
+/// Runs `scenes` scenes for their whole duration; building the worlds is not timed. `build` gives a container
+/// of engines that together hold the scenes. An engine has
 ///   void step()           takes all of its scenes one step
 ///   double contacts()     points (rbres: pairs of bodies) found touching, summed over its scenes and steps
 ///   double mean_height()  over the bodies of its scenes
 template <class Build>
-void run_scenes(benchmark::State& state, double step, const Build& build) {
-  const long steps = std::lround(duration / step);
+void run_scenes(benchmark::State& state, int scenes, double seconds, double step, const Build& build) {
+  const long steps = std::lround(seconds / step);
   double contacts = 0.0, height = 0.0;
   for (auto _ : state) {
     state.PauseTiming();
@@ -36,9 +36,9 @@ void run_scenes(benchmark::State& state, double step, const Build& build) {
     state.ResumeTiming();
   }
   using benchmark::Counter;
-  const double runs = static_cast<double>(state.iterations()) * scene_count;
+  const double runs = static_cast<double>(state.iterations()) * scenes;
   state.counters["us_per_scenario"] = Counter(runs * 1e-6, Counter::kIsRate | Counter::kInvert);
-  state.counters["contacts_per_step"] = contacts / static_cast<double>(scene_count * steps);
+  state.counters["contacts_per_step"] = contacts / static_cast<double>(scenes * steps);
   state.counters["mean_height"] = height;
 }
 
@@ -46,24 +46,48 @@ void run_scenes(benchmark::State& state, double step, const Build& build) {
 template <class Build>
 void register_rows(Shape shape, const std::string& engine, const Build& build) {
   const auto add = [&](const std::string& suffix, double step) {
-    benchmark::RegisterBenchmark(
-        (std::string(name(shape)) + "/" + engine + suffix).c_str(),
-        [=](benchmark::State& state) { run_scenes(state, step, [&] { return build(step); }); })
+    benchmark::RegisterBenchmark((std::string(name(shape)) + "/" + engine + suffix).c_str(),
+                                 [=](benchmark::State& state) {
+                                   run_scenes(state, scene_count, duration, step,
+                                              [&] { return build(step); });
+                                 })
         ->Unit(benchmark::kMillisecond);
   };
   add("", 0.002);
   add("/10ms", 0.010);
 }
 
-/// The rows of a peer, one world for each scene: Peer(shape, starts, step, options...).
+/// Registers WORK/ENGINE: one scene in steps of 2 ms, in an Engine(scene, step, options...).
+template <class Engine, class... Options>
+void register_scene(const std::string& name, const Scene& scene, Options... options) {
+  benchmark::RegisterBenchmark(name.c_str(), [=](benchmark::State& state) {
+    constexpr double step = 0.002;
+    run_scenes(state, 1, scene.seconds, step, [&] {
+      std::deque<Engine> engines;
+      engines.emplace_back(scene, step, options...);
+      return engines;
+    });
+  })->Unit(benchmark::kMillisecond);
+}
+
+/// The rows of a peer, one world for each scene: Peer(scene, step, options...).
 template <class Peer, class... Options>
 bool register_peer(const std::string& engine, Options... options) {
   for (const Shape shape : shapes)
     register_rows(shape, engine, [=](double step) {
       std::deque<Peer> worlds;
-      for (int i = 0; i < scene_count; ++i) worlds.emplace_back(shape, scene(i), step, options...);
+      for (int i = 0; i < scene_count; ++i) worlds.emplace_back(thrown(shape, i), step, options...);
       return worlds;
     });
+  return true;
+}
+
+/// The rows of a peer with many bodies.
+template <class Peer>
+bool register_crowds(const std::string& engine) {
+  register_scene<Peer>("pile60/" + engine, pile(60));
+  register_scene<Peer>("stack20/" + engine, stack(20));
+  register_scene<Peer>("gas1000/" + engine, gas(1000));
   return true;
 }
 

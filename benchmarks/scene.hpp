@@ -15,8 +15,8 @@ namespace rbres::bench {
 
 using Vec3 = std::array<double, 3>;
 
-enum class Shape { sphere, box };
-inline constexpr std::array shapes{Shape::sphere, Shape::box};
+enum class Shape { sphere, box, capsule };
+inline constexpr std::array shapes{Shape::sphere, Shape::box};  // of the bodies that are thrown
 constexpr const char* name(Shape shape) { return shape == Shape::sphere ? "spheres" : "boxes"; }
 
 inline constexpr double radius = 0.25;
@@ -80,6 +80,107 @@ inline std::vector<Start> scene(int index, int bodies = body_count) {
     for (double& q : start.orientation) q /= std::sqrt(norm);
   }
   return starts;
+}
+
+/// One body of a scene: a sphere of radius size[0]; a box of half extents `size`; or a capsule along z of
+/// radius size[0] and half length size[1].
+struct Item {
+  Shape shape;
+  Vec3 size;
+  double mass;
+  Start start;
+};
+/// The points p with dot(normal, p) < offset are solid.
+struct Wall {
+  Vec3 normal;
+  double offset;
+};
+/// What an engine simulates.
+struct Scene {
+  std::vector<Item> items;
+  std::vector<Wall> walls{{{0.0, 0.0, 1.0}, 0.0}};
+  double gravity = bench::gravity;
+  double restitution = bench::restitution;
+  double friction = bench::friction;
+  bool air = false;  ///< drag on the bodies, which are those that are thrown
+  double seconds = duration;
+};
+
+/// Scene `index` of the bodies that are thrown.
+inline Scene thrown(Shape shape, int index, int bodies = body_count) {
+  Scene thrown;
+  thrown.air = true;
+  for (const Start& start : scene(index, bodies)) {
+    const Vec3 size = shape == Shape::sphere ? Vec3{radius, 0.0, 0.0} : half_extents;
+    thrown.items.push_back({shape, size, mass, start});
+  }
+  return thrown;
+}
+
+/// Floor and four walls: |x|, |y| <= half_width.
+inline std::vector<Wall> pit(double half_width) {
+  return {{{0.0, 0.0, 1.0}, 0.0},
+          {{1.0, 0.0, 0.0}, -half_width},
+          {{-1.0, 0.0, 0.0}, -half_width},
+          {{0.0, 1.0, 0.0}, -half_width},
+          {{0.0, -1.0, 0.0}, -half_width}};
+}
+
+/// Spheres, boxes and capsules that fall into a pit and come to rest in a heap.
+inline Scene pile(int bodies) {
+  Scene pile;
+  pile.walls = pit(0.6);
+  pile.restitution = 0.3;
+  pile.friction = 0.5;
+  pile.seconds = 10.0;
+  Uniform uniform(1);
+  for (int i = 0; i < bodies; ++i) {
+    Item item{Shape(i % 3), {0.1, 0.1, 0.1}, 1.0, {}};
+    if (item.shape == Shape::box) item.size = {0.12, 0.08, 0.1};
+    if (item.shape == Shape::capsule) item.size = {0.07, 0.08, 0.0};
+    item.start.position = {0.36 * (i % 3 - 1) + uniform(-0.02, 0.02),
+                           0.36 * (i / 3 % 3 - 1) + uniform(-0.02, 0.02), 0.3 + 0.36 * (i / 9)};
+    item.start.orientation = {std::sin(0.5 * i), 0.0, 0.0, std::cos(0.5 * i)};
+    pile.items.push_back(item);
+  }
+  return pile;
+}
+
+/// Boxes that stand on one another.
+inline Scene stack(int bodies) {
+  Scene stack;
+  stack.restitution = 0.0;
+  stack.friction = 0.5;
+  stack.seconds = 10.0;
+  for (int i = 0; i < bodies; ++i)
+    stack.items.push_back(
+        {Shape::box, {0.2, 0.2, 0.1}, 1.0, {{0.0, 0.0, 0.1 + 0.2 * i}, {0.0, 0.0, 0.0, 1.0}, {}, {}}});
+  return stack;
+}
+
+/// Elastic spheres without gravity in a closed box, as dense whatever their number.
+inline Scene gas(int bodies) {
+  constexpr double spacing = 0.3;
+  int side = 1;
+  while (side * side * side < bodies) ++side;
+  const double half = 0.5 * spacing * side;
+  Scene gas;
+  gas.walls = pit(half);
+  gas.walls.push_back({{0.0, 0.0, -1.0}, -2.0 * half});
+  gas.gravity = gas.friction = 0.0;
+  gas.restitution = 1.0;
+  gas.seconds = 1.0;
+  Uniform uniform(1);
+  for (int i = 0; i < bodies; ++i) {
+    Item item{Shape::sphere, {0.05, 0.0, 0.0}, 1.0, {{}, {0.0, 0.0, 0.0, 1.0}, {}, {}}};
+    const std::array cell{i % side, i / side % side, i / side / side};
+    for (std::size_t k = 0; k < 3; ++k) {
+      item.start.position[k] = spacing * (cell[k] + 0.5) - (k == 2 ? 0.0 : half);
+      item.start.velocity[k] = uniform(-2.0, 2.0);
+    }
+    gas.items.push_back(item);
+  }
+  return gas;
 }
 
 }  // namespace rbres::bench

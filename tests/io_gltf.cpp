@@ -9,6 +9,7 @@
 #include <numbers>
 #include <set>
 
+#include <rbres/core/lie.hpp>
 #include <rbres/io/gltf.hpp>
 
 using namespace rbres;
@@ -257,6 +258,32 @@ TEST_CASE("a motion reads back") {
       }
     }
   }
+}
+
+TEST_CASE("a convex hull is drawn by its faces, where they stand in the body") {
+  const TemporaryFolder folder;
+  // A prism whose own axes are turned, and away from where its points were given.
+  const auto prism = ConvexHull<double>::cylinder(0.1, 0.4, 6);
+  std::vector<Vec3<double>> points;
+  for (const auto& v : prism.vertices())
+    points.push_back(rotate(quaternion_exp(Vec3<double>{0.5, 0.2, 0.1}), v) + Vec3<double>{1, 2, 3});
+  using Hulls = System<double, 1, ConvexHull<double>>;
+  const Hulls system{{Body<double, ConvexHull<double>>(ConvexHull<double>(points), 1.0)}};
+  GltfScene scene;
+  scene.add_motion("hull", system, std::vector<double>{0.0}, std::vector<Hulls::State>(1));
+  scene.write(folder / "a.glb");
+  const GlbFile file(folder / "a.glb");
+  std::size_t triangles = 0;
+  for (const json& primitive : file.document["meshes"][0]["primitives"]) {
+    triangles += file.numbers(primitive["indices"]).size() / 3;
+    // In the body frame: principal axes, of which the first and least is the prism's own.
+    const auto numbers = file.numbers(primitive["attributes"]["POSITION"]);
+    for (std::size_t i = 0; i < numbers.size(); i += 3) {
+      CHECK(std::abs(numbers[i]) == doctest::Approx(0.4).epsilon(1e-5));
+      CHECK(std::hypot(numbers[i + 1], numbers[i + 2]) == doctest::Approx(0.1).epsilon(1e-5));
+    }
+  }
+  CHECK(triangles == 6 * 2 + 2 * 4);
 }
 
 TEST_CASE("the world's z is the viewer's up, and offsets move whole motions") {

@@ -71,27 +71,40 @@ inline std::vector<Finding> symmetry_rows(const SplitSymmetry& split) {
               split.resting.all()}};
 }
 
+template <class Shape>
+Group grid_group(const std::string& type) {
+  return {"grid",
+          type,
+          144,
+          7200,
+          720,
+          [](const Cases& cases) { return grid_rows(grid<double, Shape>(cases), "", 1e-10, 1e-10, 1e-3); }};
+}
+template <class Shape>
+Group tunnelling_group(const std::string& type) {
+  return {
+      "tunnelling", type, 144, 7200, 432, [](const Cases& cases) {
+        const std::string scenes =
+            "; shots at thin targets, and thin bodies that spin in a room, up to 100 sizes and a turn of 1 "
+            "rad in "
+            "a step";
+        const auto t = tunnelling<Shape>(cases);
+        return std::vector<Finding>{
+            {"tunnelling_missed", "bodies", 0, "shots that met nothing" + scenes, t.missed},
+            {"tunnelling_fast", "radii", 1e-4, "the deepest overlap at the end of a step, e > 0" + scenes,
+             t.overlap},
+            {"tunnelling_plastic", "radii", 0.2, "the deepest overlap, e = 0" + scenes, t.plastic}};
+      }};
+}
+
 /// Everything that is asked of a shape in double precision.
 template <class Shape>
 std::vector<Group> double_groups(const std::string& type) {
   return {
-      {"grid", type, 144, 7200, 720,
-       [](const Cases& cases) { return grid_rows(grid<double, Shape>(cases), "", 1e-10, 1e-10, 1e-3); }},
+      grid_group<Shape>(type),
       {"symmetry", type, 144, 3600, 288,
        [](const Cases& cases) { return symmetry_rows(symmetry<Shape>(cases)); }},
-      {"tunnelling", type, 144, 7200, 432,
-       [](const Cases& cases) {
-         const std::string scenes =
-             "; shots at thin targets, and thin bodies that spin in a room, up to 100 sizes and a turn of 1 "
-             "rad in "
-             "a step";
-         const auto t = tunnelling<Shape>(cases);
-         return std::vector<Finding>{
-             {"tunnelling_missed", "bodies", 0, "shots that met nothing" + scenes, t.missed},
-             {"tunnelling_fast", "radii", 1e-4, "the deepest overlap at the end of a step, e > 0" + scenes,
-              t.overlap},
-             {"tunnelling_plastic", "radii", 0.2, "the deepest overlap, e = 0" + scenes, t.plastic}};
-       }},
+      tunnelling_group<Shape>(type),
       {"faults", type, 216, 3456, 216,
        [](const Cases& cases) {
          return std::vector<Finding>{{"faults_unreported", "runs", 0,

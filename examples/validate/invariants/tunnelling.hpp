@@ -14,6 +14,9 @@ Shape thin_shape(Random& r, double size) {
     return r.below(2) == 0 ? Box<double>{size, size, thin} : Box<double>{thin, thin, size};
   } else if constexpr (std::is_same_v<Shape, Capsule<double>>) {
     return Capsule<double>{thin, size};
+  } else if constexpr (std::is_same_v<Shape, ConvexHull<double>>) {
+    const int sides = 3 + static_cast<int>(r.below(14));
+    return r.below(2) == 0 ? Shape::cylinder(size, thin, sides) : Shape::cylinder(thin, size, sides);
   } else {
     return r.below(2) == 0 ? Shape(thin_shape<Box<double>>(r, size))
                            : Shape(thin_shape<Capsule<double>>(r, size));

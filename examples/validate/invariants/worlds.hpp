@@ -52,6 +52,13 @@ Shape any_shape(Random& r, double size) {
   } else if constexpr (std::is_same_v<Shape, Capsule<double>>) {
     const double radius = 0.5 * around();
     return Capsule<double>{radius, around()};
+  } else if constexpr (std::is_same_v<Shape, ConvexHull<double>>) {
+    const double radius = around();
+    if (r.below(3) == 0) return Shape::cylinder(radius, around(), 3 + static_cast<int>(r.below(14)));
+    if (r.below(2) == 0) return Shape::cone(radius, 2 * around(), 3 + static_cast<int>(r.below(14)));
+    std::vector<Vector> points(4 + r.below(12));
+    for (Vector& p : points) p = normal_vector(r, radius / 1.5);
+    return Shape(points);
   } else {
     switch (r.below(3)) {
       case 0:

@@ -36,6 +36,18 @@ void check_material(const Material<S>& m) {
   }
   check_within("friction", m.friction, 0, BodyLimits<S>::friction, "");
 }
+
+/// The inertia of a uniform solid of this mass from what its shape gives.
+/// @{
+template <class S>
+PrincipalInertia<S> uniform_inertia(const S& mass, const Vec3<S>& unit) {
+  return {mass * unit, {}};
+}
+template <class S>
+PrincipalInertia<S> uniform_inertia(const S& mass, const PrincipalInertia<S>& unit) {
+  return {mass * unit.moments, unit.axes};
+}
+/// @}
 }  // namespace detail
 
 /// One rigid body: what it is, not where. The body frame is at the centre of mass along the principal axes of
@@ -52,7 +64,9 @@ class Body {
 
   /// A uniform solid of this mass (kg).
   Body(const Shape& shape, const S& mass, const Material<S>& material = {})
-      : Body(shape, mass, mass * detail::with_shape(shape, [](const auto& s) { return s.unit_inertia(); }),
+      : Body(shape, mass,
+             detail::with_shape(
+                 shape, [&](const auto& s) { return detail::uniform_inertia(mass, s.unit_inertia()); }),
              material) {}
 
   /// A body of this mass (kg) and these principal moments (kg m^2), along the shape's axes.
@@ -101,6 +115,18 @@ class Body {
   const Shape& shape() const { return shape_; }
   /// Shape's axes to body frame.
   const Quat<S>& shape_rotation() const { return shape_rotation_; }
+  /// Where the origin of the frame stands in which the shape's points were given, body frame, m: zero, but
+  /// for a ConvexHull. A point p of that frame is shape_origin() + rotate(shape_rotation(), p) in the body
+  /// frame.
+  Vec3<S> shape_origin() const {
+    return detail::with_shape(shape_, [&](const auto& s) {
+      if constexpr (requires { s.centre_of_mass(); }) {
+        return rotate(shape_rotation_, -s.centre_of_mass());
+      } else {
+        return Vec3<S>{};
+      }
+    });
+  }
   /// Whether it was made by kinematic().
   bool is_kinematic() const { return kinematic_; }
   const S& mass() const { return mass_; }                              ///< kg

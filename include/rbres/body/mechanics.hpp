@@ -39,8 +39,9 @@ Vec3<S> angular_momentum(const Body<S, Shape>& body, const RigidState<S>& state)
 /// Kinetic energy of all bodies, J.
 template <class S, int N, class Shape>
 S kinetic_energy(const System<S, N, Shape>& system, const SystemState<S, N>& states) {
+  detail::check_size(system, states);
   S sum(0);
-  for (int i = 0; i < N; ++i) sum += kinetic_energy(system[i], states[i]);
+  for (int i = 0; i < system.size(); ++i) sum += kinetic_energy(system[i], states[i]);
   return sum;
 }
 
@@ -49,9 +50,10 @@ S kinetic_energy(const System<S, N, Shape>& system, const SystemState<S, N>& sta
 template <class S, int N, class Shape, class T = S>
 S potential_energy(const System<S, N, Shape>& system, const SystemState<S, N>& states,
                    const Vec3<T>& gravity) {
+  detail::check_size(system, states);
   const Vec3<S> g{as<S>(gravity.x), as<S>(gravity.y), as<S>(gravity.z)};
   S sum(0);
-  for (int i = 0; i < N; ++i) sum -= system[i].mass() * dot(g, states[i].position);
+  for (int i = 0; i < system.size(); ++i) sum -= system[i].mass() * dot(g, states[i].position);
   return sum;
 }
 
@@ -64,16 +66,18 @@ S energy(const System<S, N, Shape>& system, const SystemState<S, N>& states, con
 /// Momentum of all bodies, world frame, kg m/s.
 template <class S, int N, class Shape>
 Vec3<S> linear_momentum(const System<S, N, Shape>& system, const SystemState<S, N>& states) {
+  detail::check_size(system, states);
   Vec3<S> sum;
-  for (int i = 0; i < N; ++i) sum += linear_momentum(system[i], states[i]);
+  for (int i = 0; i < system.size(); ++i) sum += linear_momentum(system[i], states[i]);
   return sum;
 }
 
 /// Angular momentum of all bodies about the world's origin, world frame, kg m^2/s.
 template <class S, int N, class Shape>
 Vec3<S> angular_momentum(const System<S, N, Shape>& system, const SystemState<S, N>& states) {
+  detail::check_size(system, states);
   Vec3<S> sum;
-  for (int i = 0; i < N; ++i) sum += angular_momentum(system[i], states[i]);
+  for (int i = 0; i < system.size(); ++i) sum += angular_momentum(system[i], states[i]);
   return sum;
 }
 

@@ -10,10 +10,11 @@ namespace rbres::RBRES_ABI {
 /// @file
 /// A shape is centred at the body's centre of mass. Every shape gives: bounding_radius() (m), lever() (the
 /// largest speed at which a unit spin moves the surface along its normal, m), volume() (m^3),
-/// unit_inertia() (principal moments of a uniform solid over its mass, m^2), and frontal(v, factor): the
-/// factor times the area it turns towards a body-frame velocity v times |v| (m^3/s), from which the fluid's
-/// friction follows; scaled(factor), the shape with all lengths multiplied; describe(), for messages; and
-/// check(), which throws Error for sizes that no shape has, or beyond BodyLimits.
+/// unit_inertia() (principal moments of a uniform solid over its mass, m^2; a PrincipalInertia where they are
+/// not along the shape's axes), and frontal(v, factor): the factor times the area it turns towards a velocity
+/// v along its axes times |v| (m^3/s), from which the fluid's friction follows; scaled(factor), the shape
+/// with all lengths multiplied; describe(), for messages; and check(), which throws Error for sizes that no
+/// shape has, or beyond BodyLimits.
 
 /// A ball.
 template <class S>
@@ -185,9 +186,9 @@ template <template <class> class Shape, class S, class T>
 struct CastShape<Shape<S>, T> {
   using type = Shape<T>;
 };
-template <class S, class T>
-struct CastShape<std::variant<Sphere<S>, Box<S>, Capsule<S>>, T> {
-  using type = AnyShape<T>;
+template <class... Shapes, class T>
+struct CastShape<std::variant<Shapes...>, T> {
+  using type = std::variant<typename CastShape<Shapes, T>::type...>;
 };
 
 }  // namespace detail

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <array>
+#include <rbres/core/per_body.hpp>
 #include <rbres/core/vector.hpp>
+#include <vector>
 
 namespace rbres::RBRES_ABI {
 
@@ -61,6 +63,33 @@ struct SystemState {
   friend bool operator==(const SystemState&, const SystemState&) = default;
 };
 
+/// The states of as many bodies as the program finds when it runs.
+template <class S>
+struct SystemState<S, dynamic> {
+  static constexpr int bodies = dynamic;  ///< see size() for how many there are
+
+  /// The states, body by body.
+  std::vector<RigidState<S>> body;
+
+  /// How many bodies there are.
+  int size() const noexcept { return static_cast<int>(body.size()); }
+  /// The state of body i.
+  /// @{
+  RigidState<S>& operator[](int i) { return body[static_cast<std::size_t>(i)]; }
+  const RigidState<S>& operator[](int i) const { return body[static_cast<std::size_t>(i)]; }
+  /// @}
+  /// The 13 numbers of each body as an Eigen vector that reads and writes this state.
+  Eigen::Map<Eigen::VectorX<S>> vector() {
+    return {reinterpret_cast<S*>(body.data()), RigidState<S>::size * std::ssize(body)};
+  }
+  /// The same, to read only.
+  Eigen::Map<const Eigen::VectorX<S>> vector() const {
+    return {reinterpret_cast<const S*>(body.data()), RigidState<S>::size * std::ssize(body)};
+  }
+  /// Whether all numbers are equal.
+  friend bool operator==(const SystemState&, const SystemState&) = default;
+};
+
 /// Force and torque on one body: 6 numbers.
 template <class S>
 struct Wrench {
@@ -94,9 +123,11 @@ RigidState<S> select(const MaskOf<S>& m, const RigidState<S>& a, const RigidStat
 template <class S, int N>
 SystemState<typename ScalarTraits<S>::Value, N> lane(const SystemState<S, N>& state, int i) {
   SystemState<typename ScalarTraits<S>::Value, N> out;
+  if constexpr (N == dynamic) out.body.resize(state.body.size());
   const S* from = &state[0].position.x;
   auto* to = &out[0].position.x;
-  for (int k = 0; k < 13 * N; ++k) to[k] = ScalarTraits<S>::lane(from[k], i);
+  const std::size_t numbers = RigidState<S>::size * state.body.size();
+  for (std::size_t k = 0; k < numbers; ++k) to[k] = ScalarTraits<S>::lane(from[k], i);
   return out;
 }
 /// Sets one lane of a packed state.
@@ -104,7 +135,8 @@ template <class S, int N>
 void set_lane(SystemState<S, N>& state, int i, const SystemState<typename ScalarTraits<S>::Value, N>& value) {
   S* to = &state[0].position.x;
   const auto* from = &value[0].position.x;
-  for (int k = 0; k < 13 * N; ++k) ScalarTraits<S>::set_lane(to[k], i, from[k]);
+  const std::size_t numbers = RigidState<S>::size * state.body.size();
+  for (std::size_t k = 0; k < numbers; ++k) ScalarTraits<S>::set_lane(to[k], i, from[k]);
 }
 
 }  // namespace rbres::RBRES_ABI

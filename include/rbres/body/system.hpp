@@ -95,11 +95,12 @@ bool one_moves(const Bodies& bodies, int first, int second) {
 using PairWithoutContact = std::array<int, 2>;
 
 /// N bodies and the planes around them: everything that does not change while they move. A System is read
-/// only; where the bodies are stands in a SystemState. Throws Error where a plane's normal is not a unit
-/// vector, or where a pair that shall not collide is none.
+/// only; where the bodies are stands in a SystemState. With N = dynamic it has as many bodies as it is given
+/// when the program runs; else all is the same. Throws Error where there is no body, a plane's normal is not
+/// a unit vector, or a pair that shall not collide is none.
 template <class S, int N, class Shape_ = AnyShape<S>>
 class System {
-  static_assert(N >= 1, "a System has at least one body");
+  static_assert(N >= 1 || N == dynamic, "a System has at least one body");
 
  public:
   /// Its numbers.
@@ -110,25 +111,46 @@ class System {
   using BodyType = Body<S, Shape>;
   /// Where its bodies are.
   using State = SystemState<S, N>;
-  /// How many there are.
+  /// How many there are, or dynamic; see size().
   static constexpr int bodies = N;
+  /// Its bodies, one after the other.
+  using Bodies = detail::BodyList<BodyType, N>;
 
   /// These bodies among these planes; without_contact are the pairs that shall not collide.
-  System(const std::array<BodyType, std::size_t(N)>& all, std::vector<Plane<S>> planes = {},
-         std::vector<PairWithoutContact> without_contact = {})
-      : bodies_(all),
+  System(Bodies all, std::vector<Plane<S>> planes = {}, std::vector<PairWithoutContact> without_contact = {})
+      : bodies_(std::move(all)),
         planes_(detail::checked_planes(std::move(planes))),
-        without_contact_(detail::checked_pairs(std::move(without_contact), N, std::ssize(planes_))) {
+        without_contact_(detail::checked_pairs(std::move(without_contact), size(), std::ssize(planes_))) {
+    if (bodies_.empty()) detail::refuse("system", "a body or more", "none");
     for (const BodyType& body : bodies_) any_kinematic_ = any_kinematic_ || body.is_kinematic();
   }
   /// A system of one shape where any shape may stand.
   template <class Other>
   requires(!std::is_same_v<Other, Shape_> && std::is_constructible_v<BodyType, const Body<S, Other>&>)
       System(const System<S, N, Other>& other)
-      : System(other, std::make_index_sequence<std::size_t(N)>{}) {}
+      : System(each(other, [](const auto& body) { return BodyType(body); }), other.planes(),
+               other.without_contact()) {}
   /// N times the same body.
-  static System of(const BodyType& every, std::vector<Plane<S>> planes = {}) {
-    return System(repeat(every, std::make_index_sequence<std::size_t(N)>{}), std::move(planes));
+  static System of(const BodyType& every, std::vector<Plane<S>> planes = {}) requires(N != dynamic) {
+    const auto repeat = [&]<std::size_t... I>(std::index_sequence<I...>) {
+      return Bodies{((void)I, every)...};
+    };
+    return System(repeat(std::make_index_sequence<std::size_t(N)>{}), std::move(planes));
+  }
+  /// So many times the same body.
+  static System of(int count, const BodyType& every,
+                   std::vector<Plane<S>> planes = {}) requires(N == dynamic) {
+    if (count < 1) detail::refuse("system", "a body or more", count);
+    return System(Bodies(static_cast<std::size_t>(count), every), std::move(planes));
+  }
+
+  /// How many bodies it has.
+  constexpr int size() const noexcept {
+    if constexpr (N == dynamic) {
+      return static_cast<int>(bodies_.size());
+    } else {
+      return N;
+    }
   }
 
   /// Body i, from 0.
@@ -150,37 +172,50 @@ class System {
   auto cast() const {
     std::vector<Plane<T>> planes;
     for (const auto& plane : planes_) planes.push_back(plane.template cast<T>());
-    return cast_bodies<T>(std::move(planes), std::make_index_sequence<std::size_t(N)>{});
+    using Other = System<T, N, typename detail::CastShape<Shape, T>::type>;
+    return Other(Other::each(*this, [](const auto& body) { return body.template cast<T>(); }),
+                 std::move(planes), without_contact_);
   }
 
  private:
-  template <std::size_t... I>
-  static std::array<BodyType, std::size_t(N)> repeat(const BodyType& every, std::index_sequence<I...>) {
-    return {((void)I, every)...};
+  template <class, int, class>
+  friend class System;
+  /// What f makes of each body of another system.
+  template <class Other, class F>
+  static Bodies each(const Other& other, const F& f) {
+    if constexpr (N == dynamic) {
+      Bodies all;
+      all.reserve(static_cast<std::size_t>(other.size()));
+      for (int i = 0; i < other.size(); ++i) all.push_back(f(other[i]));
+      return all;
+    } else {
+      return [&]<std::size_t... I>(std::index_sequence<I...>) { return Bodies{f(other[int(I)])...}; }
+      (std::make_index_sequence<std::size_t(N)>{});
+    }
   }
-  template <class Other, std::size_t... I>
-  System(const System<S, N, Other>& other, std::index_sequence<I...>)
-      : System({BodyType(other[int(I)])...}, other.planes(), other.without_contact()) {}
-  template <class T, std::size_t... I>
-  auto cast_bodies(std::vector<Plane<T>> planes, std::index_sequence<I...>) const {
-    using Other = System<T, N, typename detail::CastShape<Shape, T>::type>;
-    return Other({bodies_[I].template cast<T>()...}, std::move(planes), without_contact_);
-  }
-  std::array<BodyType, std::size_t(N)> bodies_;
+  Bodies bodies_;
   std::vector<Plane<S>> planes_;
   std::vector<PairWithoutContact> without_contact_;  ///< sorted, the smaller index first
   bool any_kinematic_ = false;
 };
 
-/// How many bodies a system has: a System's type says so; what stands in for one with a number that is known
-/// when the program runs has -1 for it, and a size().
+namespace detail {
+/// A state for a system, its numbers not set.
 template <class System>
-constexpr int bodies_of(const System& system) {
-  if constexpr (System::bodies >= 0) {
-    return System::bodies;
-  } else {
-    return system.size();
+typename System::State state_of(const System& system) {
+  typename System::State y{};
+  if constexpr (System::bodies == dynamic) y.body.resize(static_cast<std::size_t>(system.size()));
+  return y;
+}
+
+/// Refuses a state of another number of bodies than the system has.
+template <class System>
+void check_size(const System& system, const typename System::State& y) {
+  if constexpr (System::bodies == dynamic) {
+    if (y.size() != system.size())
+      refuse("state", text(system.size(), " bodies, as the system has"), y.size());
   }
 }
+}  // namespace detail
 
 }  // namespace rbres::RBRES_ABI

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <numeric>
 #include <rbres/contact/near_pairs.hpp>
 #include <rbres/core/reserved.hpp>
 
@@ -42,20 +43,21 @@ void sweep(Order& order, const Position& position, const Reach& reach, const Fou
 /// sort and sweep along x. Pairs come out in order of (first, second).
 template <class S, int N>
 class BroadPhase {
-  /// Few bodies are compared one by one, and so are lanes, which would be sorted differently.
-  static constexpr bool sweeps = N > 16 && ScalarTraits<S>::lanes == 1;
-
  public:
-  /// Allocates all that it needs among so many planes.
-  explicit BroadPhase(std::size_t planes) {
-    for (int i = 0; i < N; ++i) order_[static_cast<std::size_t>(i)] = i;
-    pairs_.reserve(detail::most_pairs(N, planes));
+  /// Few bodies are compared one by one, and so are lanes, which would be sorted differently.
+  static constexpr bool sweeps = (N == dynamic || N > 16) && ScalarTraits<S>::lanes == 1;
+
+  /// Allocates all that it needs for so many bodies among so many planes.
+  explicit BroadPhase(std::size_t planes, int bodies = N) {
+    if constexpr (N == dynamic) order_ = detail::HeapArray<int>(static_cast<std::size_t>(bodies));
+    std::iota(order_.begin(), order_.end(), 0);
+    pairs_.reserve(detail::most_pairs(static_cast<std::size_t>(bodies), planes));
   }
 
   /// `reach` is each body's bounding radius plus the way it may go (m).
   template <class System>
   const std::vector<Candidate>& find(const System& system, const SystemState<S, N>& state,
-                                     const std::array<S, std::size_t(N)>& reach) {
+                                     const detail::PerBody<S, N>& reach) {
     using detail::Partners;
     const auto reach_of = [&](int i) -> const S& { return reach[static_cast<std::size_t>(i)]; };
     pairs_.clear();
@@ -76,7 +78,7 @@ class BroadPhase {
   }
 
  private:
-  std::array<int, std::size_t(N)> order_;
+  detail::PerBody<int, N> order_;
   detail::Reserved<Candidate> pairs_;
 };
 

@@ -15,7 +15,7 @@ class ContactMemory {
   static constexpr long points = static_cast<long>(ContactPair<System>::points);
 
  public:
-  explicit ContactMemory(std::size_t most_rows) {
+  ContactMemory(const System& system, std::size_t most_rows) : bodies_(system.size()) {
     last_.reserve(most_rows);
     next_.reserve(most_rows);
   }
@@ -64,8 +64,8 @@ class ContactMemory {
     long key;
     std::array<S, 3> force;
   };
-  static long key(const Row& row) {
-    return (static_cast<long>(row.who.first) * System::bodies + row.who.second) * points +
+  long key(const Row& row) const {
+    return (static_cast<long>(row.who.first) * bodies_ + row.who.second) * points +
            static_cast<long>(row.point);
   }
   const Entry* find(long key) const {
@@ -74,6 +74,7 @@ class ContactMemory {
     return at != last_.end() && at->key == key ? &*at : nullptr;
   }
 
+  int bodies_;
   Reserved<Entry> last_, next_;
 };
 

@@ -146,11 +146,14 @@ class Contacts {
 /// overlap they have. Planes come first, then bodies, in order of (first, second). A body whose position is
 /// not finite touches nothing.
 ///
-/// Contacts are found while the loop goes; nothing allocates and nothing throws. All pairs' bounding balls
-/// are compared. `system` and `state` must outlive the loop.
+/// Contacts are found while the loop goes; nothing allocates, and nothing throws but an Error where a state
+/// has another number of bodies than a system of dynamic size. All pairs' bounding balls are compared.
+/// `system` and `state` must outlive the loop.
 template <class System>
-Contacts<System> contacts(const System& system, const typename System::State& state,
-                          const typename System::Scalar& margin = typename System::Scalar(0)) noexcept {
+Contacts<System> contacts(
+    const System& system, const typename System::State& state,
+    const typename System::Scalar& margin = typename System::Scalar(0)) noexcept(System::bodies != dynamic) {
+  detail::check_size(system, state);
   return {system, state, margin};
 }
 template <class System>

@@ -38,7 +38,8 @@ class ContactRows {
     }
   };
 
-  explicit ContactRows(const System& system) : newton_(most_rows(system)) {
+  explicit ContactRows(const System& system)
+      : newton_(system, most_rows(system)), used_(per_body<MaskOf<S>>(system)) {
     rows_.reserve(most_rows(system));
   }
 
@@ -76,20 +77,19 @@ class ContactRows {
 
   /// Where no two pairs share a body that contacts move. Lanes have one island, in which many pairs may touch
   /// in other lanes alone.
-  MaskOf<S> pairs_apart() const {
+  MaskOf<S> pairs_apart() {
     if constexpr (!Packed<S>) {
       return std::all_of(rows_.begin(), rows_.end(),
                          [&](const Row& row) { return same_pair(row, rows_[0]); });
     } else {
-      std::array<MaskOf<S>, std::size_t(System::bodies)> used;
-      used.fill(MaskOf<S>(false));
+      used_.fill(MaskOf<S>(false));
       MaskOf<S> shared(false);
       for (std::size_t from = 0; from < rows_.size(); from = end_of_pair(from)) {
         MaskOf<S> active(false);
         for (std::size_t k = from; k < end_of_pair(from); ++k) active = active | rows_[k].active;
         for (const int body : {rows_[from].moved.first, rows_[from].moved.second}) {
           if (body < 0) continue;
-          MaskOf<S>& u = used[static_cast<std::size_t>(body)];
+          MaskOf<S>& u = used_[static_cast<std::size_t>(body)];
           shared = shared | (u & active);
           u = u | active;
         }
@@ -213,7 +213,7 @@ class ContactRows {
 
   /// Twice what equal balls can reach: none has more than twelve neighbours.
   static std::size_t most_rows(const System& system) {
-    const std::size_t N = System::bodies;
+    const auto N = static_cast<std::size_t>(system.size());
     return Pair::points * (std::min(N * (N - 1) / 2, 12 * N) + N * system.planes().size());
   }
   template <class F>
@@ -228,6 +228,7 @@ class ContactRows {
 
   IslandNewton<System> newton_;
   Reserved<Row> rows_;
+  PerBody<MaskOf<S>, System::bodies> used_;  ///< by a pair
   S tolerance_{0};
 };
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <rbres/contact/detect_box_box.hpp>
+#include <rbres/contact/detect_hull_hull.hpp>
 
 namespace rbres::RBRES_ABI {
 
@@ -19,14 +20,35 @@ template <class S>
 auto detect(const Capsule<S>& a, const Pose<S>& pa, const Sphere<S>& b, const Pose<S>& pb) {
   return detail::flipped(detect(b, pb, a, pa));
 }
+template <class S>
+auto detect(const ConvexHull<S>& a, const Pose<S>& pa, const Sphere<S>& b, const Pose<S>& pb) {
+  return detail::flipped(detect(b, pb, a, pa));
+}
+template <class S>
+auto detect(const ConvexHull<S>& a, const Pose<S>& pa, const Capsule<S>& b, const Pose<S>& pb) {
+  return detail::flipped(detect(b, pb, a, pa));
+}
 /// @}
 
 namespace detail {
 
-template <class S, int P, bool C>
-Manifold<S, 12> widened(const Manifold<S, P, C>& from) {
-  Manifold<S, 12> m{from.normal, from.separation, {}, {}};
-  for (std::size_t i = 0; i < 12; ++i) {
+/// The most points that two of these shapes, or a plane and one of them, have.
+/// @{
+template <class S, class A, class... B>
+constexpr int most_points_with() {
+  const Pose<S>* pose = nullptr;
+  return std::max(
+      {decltype(detect(Plane<S>{}, std::declval<const A&>(), *pose))::points,
+       decltype(detect(std::declval<const A&>(), *pose, std::declval<const B&>(), *pose))::points...});
+}
+template <class S, class... Shapes>
+inline constexpr int most_points = std::max({most_points_with<S, Shapes, Shapes...>()...});
+/// @}
+
+template <int Most, class S, int P, bool C>
+Manifold<S, Most> widened(const Manifold<S, P, C>& from) {
+  Manifold<S, Most> m{from.normal, from.separation, {}, {}};
+  for (std::size_t i = 0; i < std::size_t(Most); ++i) {
     m.gap[i] = i < P ? from.gap[i] : S(m.none);
     if (i < P) m.point[i] = from.point[i];
   }
@@ -37,15 +59,17 @@ Manifold<S, 12> widened(const Manifold<S, P, C>& from) {
 
 /// Shapes that are chosen at run time: every pair must have its function, or this does not compile.
 template <class... Shapes, class S>
-Manifold<S, 12> detect(const std::variant<Shapes...>& a, const Pose<S>& pa, const std::variant<Shapes...>& b,
-                       const Pose<S>& pb) {
-  return std::visit([&](const auto& x, const auto& y) { return detail::widened(detect(x, pa, y, pb)); }, a,
-                    b);
+auto detect(const std::variant<Shapes...>& a, const Pose<S>& pa, const std::variant<Shapes...>& b,
+            const Pose<S>& pb) {
+  constexpr int most = detail::most_points<S, Shapes...>;
+  return std::visit([&](const auto& x, const auto& y) { return detail::widened<most>(detect(x, pa, y, pb)); },
+                    a, b);
 }
 /// The same for a plane.
 template <class... Shapes, class S>
-Manifold<S, 12> detect(const Plane<S>& plane, const std::variant<Shapes...>& b, const Pose<S>& pb) {
-  return std::visit([&](const auto& x) { return detail::widened(detect(plane, x, pb)); }, b);
+auto detect(const Plane<S>& plane, const std::variant<Shapes...>& b, const Pose<S>& pb) {
+  constexpr int most = detail::most_points<S, Shapes...>;
+  return std::visit([&](const auto& x) { return detail::widened<most>(detect(plane, x, pb)); }, b);
 }
 
 /// What detect gives for two bodies of this shape, and for a body and a plane.

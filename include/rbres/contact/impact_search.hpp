@@ -27,12 +27,13 @@ typename System::Scalar speed_bound(const System& system, const Candidate& who,
 
 /// When a pair touches between `start` and `end`, `part` seconds later, at a point that does not rest; `part`
 /// where it does not; earlier where the walk ended before. `pair` knows the start; `end_motion` is that of
-/// `end`. `lost` gains the lanes in which the pair goes so far that no number of looks would do.
+/// `end`, `at` any state. `lost` gains the lanes in which the pair goes so far that no number of looks would
+/// do.
 template <class System>
 typename System::Scalar impact_time(const System& system, const ContactPair<System>& pair,
                                     const typename System::State& start, const typename System::State& end,
                                     const typename ContactPair<System>::Motions& end_motion,
-                                    const typename System::Scalar& part,
+                                    const typename System::Scalar& part, typename System::State& at,
                                     MaskOf<typename System::Scalar>& lost) {
   using S = typename System::Scalar;
   using Pair = ContactPair<System>;
@@ -97,7 +98,6 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
   lost = lost | (search & (part > as<S>(1e9) * least_look(approach)));
 
   typename Pair::Contact probe;
-  typename System::State at = start;
   MaskOf<S> found(false);
   const auto gap = [&](const S& when) {
     for (const int i : {pair.who.first, pair.who.second}) {

@@ -13,15 +13,19 @@ namespace rbres::RBRES_ABI::detail {
 template <class System>
 class Impacts {
   using S = typename System::Scalar;
-  static constexpr int N = System::bodies;
   using Pair = ContactPair<System>;
   using Motions = typename Pair::Motions;
   static constexpr std::size_t P = Pair::points;
 
  public:
-  Impacts(const System& system, std::size_t most_pairs) : islands_(most_pairs), rows_(system) {
+  explicit Impacts(const System& system)
+      : answered_(per_body<S>(system)),
+        changed_(per_body<MaskOf<S>>(system)),
+        used_(changed_),
+        islands_(system),
+        rows_(system) {
     info_.reserve(rows_.capacity());
-    hit_.reserve(most_pairs);
+    hit_.reserve(most_pairs(system));
   }
 
   /// A new step: no body has been hit yet.
@@ -116,8 +120,7 @@ class Impacts {
     }
     if (!any(found)) return false;
 
-    std::array<MaskOf<S>, std::size_t(N)> used;
-    used.fill(none);
+    used_.fill(none);
     MaskOf<S> shared(false);
     islands_.clear();
     for (std::size_t k = 0; k < pairs.size(); ++k) {
@@ -125,7 +128,7 @@ class Impacts {
       islands_.add(k, pairs[k].moved.first, pairs[k].moved.second);
       for (const int i : {pairs[k].moved.first, pairs[k].moved.second}) {
         if (i < 0) continue;
-        MaskOf<S>& u = used[std::size_t(i)];
+        MaskOf<S>& u = used_[std::size_t(i)];
         const MaskOf<S>& joins = hit_[k].joins;
         shared = shared | (u & joins);
         u = u | joins;
@@ -201,10 +204,11 @@ class Impacts {
     pair.plane() ? resolve(std::true_type{}) : resolve(std::false_type{});
   }
 
-  std::array<S, std::size_t(N)> answered_;  ///< impacts of each body in this step
-  std::array<MaskOf<S>, std::size_t(N)> changed_;
+  PerBody<S, System::bodies> answered_;  ///< impacts of each body in this step
+  PerBody<MaskOf<S>, System::bodies> changed_;
+  PerBody<MaskOf<S>, System::bodies> used_;  ///< by a pair that has an impact
   MaskOf<S> unresolved_{false};
-  Islands<N> islands_;
+  Islands<System> islands_;
   ContactRows<System> rows_;
   Reserved<ImpactPoint<S>> info_;
   Reserved<Hit> hit_;

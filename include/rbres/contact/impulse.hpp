@@ -51,20 +51,17 @@ void set_velocities_where(const MaskOf<S>& changed, RigidState<S>& state, const 
 
 /// The motions of all bodies of a system.
 template <class System>
-using MotionsOf = std::array<Motion<typename System::Scalar>, System::bodies>;
+using MotionsOf = PerBody<Motion<typename System::Scalar>, System::bodies>;
 
 template <class System>
-MotionsOf<System> motions_of(const System& system, const typename System::State& y) {
-  MotionsOf<System> m;
-  for (int i = 0; i < System::bodies; ++i) m[static_cast<std::size_t>(i)] = motion_of(system[i], y[i]);
-  return m;
+void set_motions(const System& system, const typename System::State& y, MotionsOf<System>& motion) {
+  for (int i = 0; i < system.size(); ++i) motion[static_cast<std::size_t>(i)] = motion_of(system[i], y[i]);
 }
-/// A state with the velocities of `motion` in the bodies and lanes that are changed(i).
+/// Gives a state the velocities of `motion` in the bodies and lanes that are changed(i).
 template <class State, class Motions, class Changed>
-State with_velocities(State y, const Motions& motion, const Changed& changed) {
-  for (int i = 0; i < State::bodies; ++i)
-    set_velocities_where(changed(i), y[i], motion[static_cast<std::size_t>(i)]);
-  return y;
+void take_velocities(const Changed& changed, State& y, const Motions& motion) {
+  for (std::size_t i = 0; i < y.body.size(); ++i)
+    set_velocities_where(changed(static_cast<int>(i)), y.body[i], motion[i]);
 }
 
 }  // namespace detail
@@ -162,6 +159,8 @@ class ContactPoint {
     return maximum(off, S(tangent_response_ * (abs(off_u) + abs(off_v))));
   }
 
+  /// Takes an impulse (N s) for the one so far; moves nothing.
+  void restore(const std::array<S, 3>& impulse) { impulse_ = impulse; }
   /// Adds an impulse that is guessed (N s).
   void add(const std::array<S, 3>& impulse, Motion<S>& first, Motion<S>& second) {
     for (std::size_t d = 0; d < 3; ++d) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <limits>
 #include <rbres/contact/block_profile.hpp>
 #include <rbres/contact/impulse.hpp>
 #include <rbres/contact/near_pairs.hpp>
@@ -30,26 +31,28 @@ class IslandEquations {
   using S = typename System::Scalar;
   using Jacobian = PointJacobian<S>;
   using Six = typename Jacobian::Line;
-  static constexpr std::size_t N = System::bodies;
 
  public:
-  static constexpr std::size_t plane = N;  ///< stands for the place of a plane or of a kinematic body
+  /// Stands for the place of a plane or of a kinematic body.
+  static constexpr std::size_t plane = std::numeric_limits<std::size_t>::max();
 
-  IslandEquations() : matrix_(N, std::min<std::size_t>(6 * N * (6 * N + 1) / 2, most_numbers)) {
-    bodies_.reserve(N);
-    first_.reserve(N);
-    inertia_.reserve(N);
-    step_.reserve(6 * N);
-    moved_.reserve(6 * N);
+  explicit IslandEquations(const System& system)
+      : place_(per_body<std::size_t>(system)), matrix_(place_.size(), most_numbers_of(place_.size())) {
+    const std::size_t n = place_.size();
+    bodies_.reserve(n);
+    first_.reserve(n);
+    inertia_.reserve(n);
+    step_.reserve(6 * n);
+    moved_.reserve(6 * n);
   }
 
   /// A new island without points.
   void clear() {
     bodies_.clear();
     first_.clear();
-    place_.fill(N);
+    place_.fill(plane);
     if constexpr (Packed<S>) {  // the same places, whatever touches in other lanes
-      for (std::size_t i = 0; i < N; ++i) {
+      for (std::size_t i = 0; i < place_.size(); ++i) {
         place_[i] = i;
         bodies_.push_back(static_cast<int>(i));
         first_.push_back(0);
@@ -96,6 +99,9 @@ class IslandEquations {
     }
     return matrix_.shape(first_, most_products);
   }
+
+  /// The bodies that have been named, in the order of their places.
+  const std::vector<int>& bodies() const { return bodies_; }
 
   /// Nothing has moved.
   void stay() { std::fill(moved_.begin(), moved_.end(), S(0)); }
@@ -173,6 +179,9 @@ class IslandEquations {
   /// Of a factorisation: an island of 9 bodies in a heap, or of some 100 in a row. Larger ones take as many
   /// numbers, too.
   static constexpr std::size_t most_products = 40'000, most_numbers = 10'000;
+  static constexpr std::size_t most_numbers_of(std::size_t bodies) {
+    return std::min(6 * bodies * (6 * bodies + 1) / 2, most_numbers);
+  }
   struct Inertia {
     S mass;
     Mat3<S> tensor;  ///< world frame
@@ -180,7 +189,7 @@ class IslandEquations {
 
   std::size_t place(int body) {
     std::size_t& at = place_[static_cast<std::size_t>(body)];
-    if (at == N) {
+    if (at == plane) {
       at = bodies_.size();
       bodies_.push_back(body);
       first_.push_back(at);
@@ -213,7 +222,7 @@ class IslandEquations {
     return {mass * v[0], mass * v[1], mass * v[2], spin.x, spin.y, spin.z};
   }
 
-  std::array<std::size_t, N> place_;
+  PerBody<std::size_t, System::bodies> place_;
   Reserved<int> bodies_;
   Reserved<std::size_t> first_;
   Reserved<Inertia> inertia_;

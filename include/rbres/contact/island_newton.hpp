@@ -20,7 +20,10 @@ class IslandNewton {
   using Three = Triple<S>;
 
  public:
-  explicit IslandNewton(std::size_t most_rows) { rows_.reserve(most_rows); }
+  IslandNewton(const System& system, std::size_t most_rows) : equations_(system) {
+    rows_.reserve(most_rows);
+    start_.reserve(static_cast<std::size_t>(system.size()));
+  }
 
   /// Changes the impulses of `rows` (ContactRows) and the velocities in `motion` in the lanes `where`, until
   /// no law is off by more than `tolerance` (m/s), or none gets better. False, with nothing done, for islands
@@ -74,13 +77,16 @@ class IslandNewton {
         point.add(change, first, second);
       });
     }
+    // From the start again: impulses that have been huge on the way leave their rounding errors behind.
+    for (std::size_t i = 0; i < start_.size(); ++i)
+      motion[static_cast<std::size_t>(equations_.bodies()[i])] = start_[i];
     std::size_t k = 0;
     rows.each(motion, [&](auto&, auto& point, auto& first, auto& second) {
+      const RowState& r = rows_[k++];
       Three change;
-      for (std::size_t d = 0; d < 3; ++d)
-        change[d] = select(where, S(rows_[k].best[d] - point.impulse()[d]), S(0));
+      for (std::size_t d = 0; d < 3; ++d) change[d] = select(where, S(r.best[d] - r.start[d]), S(0));
+      point.restore(r.start);
       point.add(change, first, second);
-      ++k;
     });
     return true;
   }
@@ -93,6 +99,7 @@ class IslandNewton {
     PointJacobian<S> jacobian;
     MaskOf<S> active;
     S rho, most;  ///< most: the friction cone's radius, N s
+    Three start;  ///< impulse before the first round, N s
     Three best;   ///< impulse with the least fault, N s
     Three impulse,
         fault;        ///< of the round; fault: relative velocity less target, as Newton's method moves it
@@ -122,7 +129,10 @@ class IslandNewton {
       RowState& r = rows_.emplace_back();
       r.jacobian = equations_.jacobian(row.who, row.moved, point);
       r.active = row.active;
+      r.start = point.impulse();
     });
+    start_.clear();
+    for (const int body : equations_.bodies()) start_.push_back(motion[static_cast<std::size_t>(body)]);
     return equations_.shape(motion);
   }
 
@@ -240,6 +250,7 @@ class IslandNewton {
 
   S stiffness_, best_;  ///< rho times a point's response; the least fault so far, m/s
   Reserved<RowState> rows_;
+  Reserved<Motion<S>> start_;  ///< of the equations' bodies before the first round
   IslandEquations<System> equations_;
 };
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include <array>
 #include <cstddef>
+#include <rbres/contact/near_pairs.hpp>
 #include <rbres/core/reserved.hpp>
 #include <span>
 
@@ -9,12 +9,13 @@ namespace rbres::RBRES_ABI::detail {
 
 /// Groups pairs of bodies into islands: pairs that share a body, directly or through others, are solved
 /// together; islands are independent of one another. Planes and kinematic bodies join nothing.
-template <int N>
+template <class System>
 class Islands {
  public:
-  explicit Islands(std::size_t most_pairs) {
-    pairs_.reserve(most_pairs);
-    order_.reserve(most_pairs);
+  explicit Islands(const System& system)
+      : parent_(per_body<std::size_t>(system)), end_(parent_), island_(parent_), size_(parent_) {
+    pairs_.reserve(most_pairs(system));
+    order_.reserve(most_pairs(system));
   }
 
   void clear() { pairs_.clear(); }
@@ -31,24 +32,25 @@ class Islands {
       if (!pairs_.empty()) end_[count_++] = order_.size();
       return;
     }
-    for (std::size_t i = 0; i < N; ++i) parent_[i] = i;
+    for (std::size_t i = 0; i < parent_.size(); ++i) parent_[i] = i;
     for (const Pair& pair : pairs_) {
       if (pair.first >= 0) parent_[root(std::size_t(pair.first))] = root(std::size_t(pair.second));
     }
-    std::array<std::size_t, std::size_t(N)> island, size{};
-    island.fill(N);
+    const std::size_t none = parent_.size();
+    island_.fill(none);
+    size_.fill(0);
     for (const Pair& pair : pairs_) {
-      std::size_t& k = island[root(std::size_t(pair.second))];
-      if (k == N) k = count_++;
-      ++size[k];
+      std::size_t& k = island_[root(std::size_t(pair.second))];
+      if (k == none) k = count_++;
+      ++size_[k];
     }
     std::size_t end = 0;
     for (std::size_t k = 0; k < count_; ++k) {
       end_[k] = end;
-      end += size[k];
+      end += size_[k];
     }
     order_.resize(end);
-    for (const Pair& pair : pairs_) order_[end_[island[root(std::size_t(pair.second))]]++] = pair.index;
+    for (const Pair& pair : pairs_) order_[end_[island_[root(std::size_t(pair.second))]]++] = pair.index;
   }
 
   std::size_t count() const { return count_; }
@@ -70,7 +72,8 @@ class Islands {
 
   Reserved<Pair> pairs_;
   Reserved<std::size_t> order_;
-  std::array<std::size_t, std::size_t(N)> parent_, end_;
+  PerBody<std::size_t, System::bodies> parent_, end_;
+  PerBody<std::size_t, System::bodies> island_, size_;  ///< of each root the island, of each island its pairs
   std::size_t count_ = 0;
 };
 

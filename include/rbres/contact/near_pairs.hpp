@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <iterator>
 #include <rbres/body/system.hpp>
 #include <span>
@@ -14,13 +15,14 @@ struct Candidate {
 
 namespace detail {
 
-/// How many pairs there are at most among so many bodies, and between them and planes.
+/// For how many pairs among so many bodies, and between them and planes, there is room at once: for all, or
+/// for as many as crowd around one another where the bodies are many. (More take memory when they come.)
 constexpr std::size_t most_pairs(std::size_t bodies, std::size_t planes) {
-  return bodies * (bodies - 1) / 2 + bodies * planes;
+  return std::min(bodies * (bodies - 1) / 2, 32 * bodies) + bodies * planes;
 }
 template <class System>
 std::size_t most_pairs(const System& system) {
-  return most_pairs(static_cast<std::size_t>(bodies_of(system)), system.planes().size());
+  return most_pairs(static_cast<std::size_t>(system.size()), system.planes().size());
 }
 
 /// A pair whose bounding balls overlap.
@@ -115,7 +117,7 @@ template <Partners partners = Partners::planes_and_bodies, class System, class R
 auto near_pairs(const System& system, const typename System::State& state, const Reach& reach) {
   using Position = PositionIn<typename System::State>;
   return NearPairs<typename System::Scalar, partners, Position, Reach, CollidesIn<System>>(
-      system.planes(), bodies_of(system), Position{&state}, reach, CollidesIn<System>{&system});
+      system.planes(), system.size(), Position{&state}, reach, CollidesIn<System>{&system});
 }
 
 }  // namespace detail

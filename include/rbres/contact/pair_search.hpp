@@ -13,15 +13,19 @@ template <class System>
 class PairSearch {
   using S = typename System::Scalar;
   using State = typename System::State;
-  static constexpr int N = System::bodies;
   using Pair = ContactPair<System>;
 
  public:
-  using Ways = std::array<S, std::size_t(N)>;  ///< m
+  using Ways = PerBody<S, System::bodies>;  ///< m
 
   /// `rest_speed` as in SimulationOptions.
   PairSearch(const System& system, const S& rest_speed)
-      : system_(&system), rest_speed_(rest_speed), broad_(system.planes().size()) {
+      : system_(&system),
+        rest_speed_(rest_speed),
+        broad_(system.planes().size(), system.size()),
+        way_(per_body<S>(system)),
+        wanted_(way_),
+        reach_(way_) {
     pairs_.reserve(most_pairs(system));
   }
 
@@ -30,20 +34,20 @@ class PairSearch {
 
   /// How far the bodies may get while they go from `from` to `to`, `time` seconds later.
   const Ways& ways(const State& from, const State& to, const S& time) {
-    for (int i = 0; i < N; ++i) way_[index(i)] = maximum(way_of(from[i], to[i], time), wanted_[index(i)]);
+    for (int i = 0; i < system_->size(); ++i)
+      way_[index(i)] = maximum(way_of(from[i], to[i], time), wanted_[index(i)]);
     return way_;
   }
   /// The pairs that may touch on these ways, in the lanes `running`.
   Reserved<Pair>& find(const State& from, const MaskOf<S>& running) {
     constexpr auto nan = std::numeric_limits<typename Constants<S>::Real>::quiet_NaN();
-    Ways reach;
-    for (int i = 0; i < N; ++i) {
+    for (int i = 0; i < system_->size(); ++i) {
       // Nothing meets a body whose reach is NaN: lanes that are done need no pairs.
       const S ball = (*system_)[i].bounding_radius() * as<S>(1.001);
-      reach[index(i)] = select(running, S(ball + way_[index(i)]), S(nan));
+      reach_[index(i)] = select(running, S(ball + way_[index(i)]), S(nan));
     }
     pairs_.clear();
-    for (const Candidate& who : broad_.find(*system_, from, reach))
+    for (const Candidate& who : broad_.find(*system_, from, reach_))
       pairs_.emplace_back(*system_, who, rest_speed_);
     return pairs_;
   }
@@ -52,7 +56,7 @@ class PairSearch {
   /// next will be.
   bool covers(const State& from, const State& to, const S& time, const MaskOf<S>& running) {
     bool all = true;
-    for (int i = 0; i < N; ++i) {
+    for (int i = 0; i < system_->size(); ++i) {
       const S way = way_of(from[i], to[i], time);
       const S slack = as<S>(5e-4) * (*system_)[i].bounding_radius();
       const MaskOf<S> beyond = running & (way > way_[index(i)] + slack);
@@ -73,9 +77,10 @@ class PairSearch {
 
   const System* system_;
   S rest_speed_;
-  BroadPhase<S, N> broad_;
+  BroadPhase<S, System::bodies> broad_;
   Reserved<Pair> pairs_;
   Ways way_, wanted_;  ///< wanted_: by contact forces
+  Ways reach_;         ///< of each body with its way
 };
 
 /// Notes how fast the pairs' points open.

@@ -106,7 +106,7 @@ Damping(T, T) -> Damping<T>;
 template <class S, int N>
 struct ConstantWrench {
   /// The wrench on each body: force in world frame, N; torque in body frame, N m.
-  std::array<Wrench<S>, std::size_t(N)> wrench{};
+  detail::BodyList<Wrench<S>, N> wrench{};
 
   /// The wrench on body `index`.
   template <class Shape>
@@ -119,7 +119,7 @@ struct ConstantWrench {
 /// Gives lane l of `packed` the wrenches of a scenario.
 template <class S, int N, class Wrenches>
 void set_lane(ConstantWrench<S, N>& packed, int l, const Wrenches& wrench) {
-  for (std::size_t b = 0; b < N; ++b) {
+  for (std::size_t b = 0; b < packed.wrench.size(); ++b) {
     const auto* from = &wrench[b].force.x;
     S* to = &packed.wrench[b].force.x;
     for (int k = 0; k < Wrench<S>::size; ++k) ScalarTraits<S>::set_lane(to[k], l, from[k]);

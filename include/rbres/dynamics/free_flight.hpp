@@ -43,7 +43,7 @@ template <class System, class Model, class Integrator, class Push = NoPush>
     // Dual numbers take no short cut: their derivatives know of moments nearby.
     constexpr bool short_cut =
         std::is_same_v<Push, NoPush> && std::is_floating_point_v<typename ScalarTraits<S>::Value>;
-    const int bodies = bodies_of(system);
+    const int bodies = system.size();
     for (int i = 0; i < bodies; ++i) {
       const auto advance = [&]<class Angular>(Angular) __attribute__((always_inline)) {
         state[i] = integrator.advance(
@@ -70,7 +70,8 @@ template <class System, class Model, class Integrator, class Push = NoPush>
         [&](const S& time, const typename System::State& y) {
           SystemRate<S, System::bodies> rate;
           const auto seen = detail::with_unit_orientation(y);
-          for (int i = 0; i < System::bodies; ++i) {
+          if constexpr (System::bodies == dynamic) rate.body.resize(y.body.size());
+          for (int i = 0; i < system.size(); ++i) {
             auto& body = rate.body[static_cast<std::size_t>(i)];
             set_kinematics(body, y[i]);
             set_dynamics(body, system[i], y[i],

@@ -8,14 +8,24 @@ namespace rbres::RBRES_ABI {
 template <class S, int N>
 struct SystemRate {
   /// Body by body.
-  std::array<RigidRate<S>, std::size_t(N)> body;
+  detail::BodyList<RigidRate<S>, N> body;
 };
+
+namespace detail {
+/// A value of as many bodies, its numbers not set.
+template <class Value>
+Value same_size(const Value& other) {
+  Value out;
+  if constexpr (requires { out.body.resize(1); }) out.body.resize(other.body.size());
+  return out;
+}
+}  // namespace detail
 
 /// y + h k, the quaternions not normalised; h in s.
 template <class S, int N>
 SystemState<S, N> advanced(const SystemState<S, N>& y, const S& h, const SystemRate<S, N>& k) {
-  SystemState<S, N> out;
-  for (std::size_t i = 0; i < N; ++i) out.body[i] = advanced(y.body[i], h, k.body[i]);
+  auto out = detail::same_size(y);
+  for (std::size_t i = 0; i < y.body.size(); ++i) out.body[i] = advanced(y.body[i], h, k.body[i]);
   return out;
 }
 
@@ -47,8 +57,8 @@ RigidState<S> semi_implicit(RigidState<S> y, const S& h, RigidRate<S, Angular> k
 }
 template <class S, int N>
 SystemState<S, N> semi_implicit(const SystemState<S, N>& y, const S& h, const SystemRate<S, N>& k) {
-  SystemState<S, N> out;
-  for (std::size_t i = 0; i < N; ++i) out.body[i] = semi_implicit(y.body[i], h, k.body[i]);
+  auto out = same_size(y);
+  for (std::size_t i = 0; i < y.body.size(); ++i) out.body[i] = semi_implicit(y.body[i], h, k.body[i]);
   return out;
 }
 
@@ -64,8 +74,8 @@ template <class S, class Angular>
 }
 template <class S, int N>
 SystemRate<S, N> added(const SystemRate<S, N>& sum, const S& weight, const SystemRate<S, N>& k) {
-  SystemRate<S, N> out;
-  for (std::size_t i = 0; i < N; ++i) out.body[i] = added(sum.body[i], weight, k.body[i]);
+  auto out = same_size(sum);
+  for (std::size_t i = 0; i < sum.body.size(); ++i) out.body[i] = added(sum.body[i], weight, k.body[i]);
   return out;
 }
 

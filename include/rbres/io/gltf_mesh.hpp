@@ -7,7 +7,7 @@
 #include <numbers>
 #include <vector>
 
-#include <rbres/body/shape.hpp>
+#include <rbres/body/convex_hull.hpp>
 #include <rbres/body/system.hpp>
 
 namespace rbres::RBRES_ABI::detail {
@@ -89,6 +89,21 @@ GltfMesh mesh_of(const Box<S>& box, const Quat<double>& rotation) {
       const Vec3<double> v = rotate(rotation, half[(axis + 2) % 3]);
       mesh.polygon(side < 0, {n - u - v, n + u - v, n + u + v, n - u + v}, (1 / norm(n)) * n);
     }
+  }
+  return mesh;
+}
+
+/// The faces on one side in one colour, those on the other in the other.
+template <class S>
+GltfMesh mesh_of(const ConvexHull<S>& hull, const Quat<double>& rotation) {
+  GltfMesh mesh;
+  const ConvexHull<double> exact = hull.template cast<double>();
+  for (const HullFace<double>& face : exact.faces()) {
+    std::vector<Vec3<double>> corners;
+    for (const int i : exact.corners(face))
+      corners.push_back(rotate(rotation, exact.vertices()[static_cast<std::size_t>(i)]));
+    const Vec3<double>& n = face.normal;
+    mesh.polygon(n.x + n.y + n.z < 0, corners, rotate(rotation, n));
   }
   return mesh;
 }

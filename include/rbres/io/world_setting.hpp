@@ -3,6 +3,7 @@
 #include <cmath>
 #include <tuple>
 
+#include <rbres/body/convex_hull.hpp>
 #include <rbres/body/system.hpp>
 #include <rbres/dynamics/forces.hpp>
 #include <rbres/io/json_file.hpp>
@@ -27,6 +28,12 @@ Json shape_setting(const Box<S>& shape) {
 template <class S>
 Json shape_setting(const Capsule<S>& shape) {
   return Json::object({{"capsule", Json::array({shape.radius, shape.half_length})}});
+}
+template <class S>
+Json shape_setting(const ConvexHull<S>& shape) {
+  Json vertices = Json::array();
+  for (const Vec3<S>& vertex : shape.vertices()) vertices.push_back(vector_setting(vertex));
+  return Json::object({{"convex_hull", vertices}});
 }
 
 template <class S>

@@ -77,9 +77,9 @@ class AnalyticAnswer {
     for (const std::size_t i : group_) bodies.push_back(scene[static_cast<int>(i)].template cast<D>());
     std::vector<Plane<D>> planes;
     for (const Plane<double>& plane : scene.planes()) planes.push_back(plane.template cast<D>());
-    const BasicSceneSystem<D> dual(std::move(bodies), std::move(planes));
-    DiscreteContact<BasicSceneSystem<D>> discrete(dual);
-    BasicSceneState<D> before, after;
+    const System<D, dynamic> dual(std::move(bodies), std::move(planes));
+    DiscreteContact<System<D, dynamic>> discrete(dual);
+    SystemState<D, dynamic> before, after;
     before.body.resize(group_.size());
     after.body.resize(group_.size());
     ContactTally<D> tally;

@@ -65,7 +65,7 @@ class LawStep {
 
  private:
   std::span<const Body<double, Shape>> bodies() const {
-    return {&(*system_)[0], static_cast<std::size_t>(bodies_of(*system_))};
+    return {&(*system_)[0], static_cast<std::size_t>(system_->size())};
   }
   static Discrete discrete(const System& system) {
     if constexpr (Law::corrects) {

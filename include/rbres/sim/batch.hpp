@@ -66,7 +66,7 @@ void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, con
 
   parallel_for(blocks, threads, [&](std::ptrdiff_t block) {
     std::array<std::ptrdiff_t, std::size_t(L)> index;
-    typename Lanes::State y;
+    auto y = detail::state_of(lanes_system);
     for (int l = 0; l < L; ++l) {
       index[static_cast<std::size_t>(l)] = std::min(block * L + l, count - 1);
       SystemState<T, N> first = start(index[static_cast<std::size_t>(l)]);

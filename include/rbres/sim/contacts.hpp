@@ -28,7 +28,11 @@ struct AnalyticContacts {
    public:
     /// Allocates all that steps need.
     Step(const AnalyticContacts&, const System& system, const SimulationOptions& options)
-        : system_(&system), options_(options), continuous_(system, options), discrete_(system) {}
+        : system_(&system),
+          options_(options),
+          continuous_(system, options),
+          discrete_(system),
+          before_(detail::state_of(system)) {}
 
     /// Takes y from t (s) to t + h. Allocates nothing.
     template <class Model, class Integrator, class Observer>
@@ -37,9 +41,9 @@ struct AnalyticContacts {
       if (options_.contacts == ContactMode::continuous) {
         continuous_.step(forces, integrator, y, t, h, observer, tally);
       } else {
-        const State before = y;
+        before_ = y;
         fly_on(*system_, forces, integrator, y, t, h);
-        discrete_.resolve(before, y, h, as<S>(options_.rest_speed), tally);
+        discrete_.resolve(before_, y, h, as<S>(options_.rest_speed), tally);
       }
     }
 
@@ -48,6 +52,7 @@ struct AnalyticContacts {
     SimulationOptions options_;
     ContinuousContact<System> continuous_;
     detail::DiscreteContact<System> discrete_;
+    State before_;  ///< where the step began
   };
 };
 

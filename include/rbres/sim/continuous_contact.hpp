@@ -23,7 +23,6 @@ template <class System>
 class ContinuousContact {
   using S = typename System::Scalar;
   using State = typename System::State;
-  static constexpr int N = System::bodies;
   using Pairs = detail::Reserved<detail::ContactPair<System>>;
   using Motions = detail::MotionsOf<System>;
 
@@ -33,9 +32,14 @@ class ContinuousContact {
       : system_(&system),
         options_(options),
         search_(system, as<S>(options.rest_speed)),
-        impacts_(system, detail::most_pairs(system)),
+        impacts_(system),
         resting_(system),
-        discrete_(system) {}
+        discrete_(system),
+        free_(detail::state_of(system)),
+        part_end_(free_),
+        motion_(detail::per_body<Motion<S>>(system)),
+        end_motion_(motion_),
+        probe_(free_) {}
 
   /// Takes y from t to t + h. `observer` may have impact(time, before, after), called with the states around
   /// each group of simultaneous impacts (plain scalars only). Where a number is no longer finite, neither is
@@ -60,27 +64,28 @@ class ContinuousContact {
       const S pull = maximum(S(as<S>(0.1) / h), select(longest < h, S(as<S>(0.5) / longest), S(0)));
 
       // Find the pairs that may touch before the step is over.
-      State free = fly(*system_, forces, integrator, y, now, ahead);
-      const MaskOf<S> faulty = mark_faults(search_.ways(y, free, ahead), free, running, y);
+      fly_to(free_, forces, integrator, y, now, ahead);
+      const MaskOf<S> faulty = mark_faults(search_.ways(y, free_, ahead), free_, running, y);
       left = select(faulty, S(0), left);
       running = running & !faulty;
       Pairs& pairs = search_.find(y, running);
       if (pairs.empty()) {
-        y = chosen(running, free, y);
+        replace(running, free_, y);
         left = select(running, S(left - ahead), left);
         now = now + ahead;
         continue;
       }
 
-      Motions motion = detail::motions_of(*system_, y);
-      detail::measure(*system_, y, motion, running, pairs);
+      detail::set_motions(*system_, y, motion_);
+      detail::measure(*system_, y, motion_, running, pairs);
 
       // Resolve the impacts of this instant.
-      if (!resolved && any(impacts_.resolve(pairs, motion, tally.impacts))) {
-        const State after = detail::with_velocities(y, motion, [&](int i) { return impacts_.changed(i); });
-        if constexpr (requires { observer.impact(now, y, after); })
-          observer.impact(now, std::as_const(y), after);
-        y = after;
+      if (!resolved && any(impacts_.resolve(pairs, motion_, tally.impacts))) {
+        free_ = y;
+        detail::take_velocities([&](int i) { return impacts_.changed(i); }, free_, motion_);
+        if constexpr (requires { observer.impact(now, y, free_); })
+          observer.impact(now, std::as_const(y), std::as_const(free_));
+        y = free_;
         resolved = true;
         continue;
       }
@@ -89,40 +94,50 @@ class ContinuousContact {
       // Find the forces of resting contacts.
       const bool resting = resting_.find(pairs, running);
       if (const MaskOf<S> stopped =
-              resting ? resting_.stop_approaches(pairs, motion, pull) : MaskOf<S>(false);
+              resting ? resting_.stop_approaches(pairs, motion_, pull) : MaskOf<S>(false);
           any(stopped)) {
-        y = detail::with_velocities(y, motion, [&](int i) { return stopped & resting_.rests(i); });
-        detail::measure_speeds<System>(motion, pairs);
-        free = fly(*system_, forces, integrator, y, now, ahead);
+        detail::take_velocities([&](int i) { return stopped & resting_.rests(i); }, y, motion_);
+        detail::measure_speeds<System>(motion_, pairs);
+        fly_to(free_, forces, integrator, y, now, ahead);
       }
-      RestingForces contact;
-      if (resting) contact = resting_.forces(pairs, y, motion, free, ahead, pull);
-      const auto flown = [&](const S& time) {
+      if (resting) resting_.find_forces(pairs, y, motion_, free_, ahead, pull);
+      const auto go = [&](const S& time) {
         const auto push = [&](const RigidState<S>& state, int i, const S& at, const Wrench<S>& wrench) {
-          const auto& c = contact[static_cast<std::size_t>(i)];
+          const auto& c = resting_.forces()[static_cast<std::size_t>(i)];
           const Vec3<S> torque = c.torque_at(S(at - now), state.position - y[i].position);
           return wrench + Wrench<S>{c.force, rotate_back(state.orientation, torque)};
         };
-        return resting ? fly(*system_, forces, integrator, y, now, time, push)
-                       : fly(*system_, forces, integrator, y, now, time);
+        if (resting) {
+          fly_to(part_end_, forces, integrator, y, now, time, push);
+        } else {
+          fly_to(part_end_, forces, integrator, y, now, time);
+        }
       };
 
       // Advance to the next impact.
-      Part part{resting ? flown(ahead) : free, ahead};
+      if (resting) {
+        go(ahead);
+      } else {
+        part_end_ = free_;
+      }
+      S duration = ahead;
       // Contact forces may carry a body farther than its free flight: then others may be in its way.
-      if (resting && !search_.covers(y, part.end, ahead, running)) {
+      if (resting && !search_.covers(y, part_end_, ahead, running)) {
         resolved = true;
         continue;
       }
       // However dense the impacts, time goes on.
-      const S impact = maximum(earliest_impact(pairs, y, part, lost), minimum(ahead, S(as<S>(1e-9) * h)));
+      const S impact = maximum(earliest_impact(pairs, y, ahead, lost), minimum(ahead, S(as<S>(1e-9) * h)));
       const bool cut = any(running & (impact < ahead));
-      if (cut) part = {flown(impact), impact};
+      if (cut) {
+        go(impact);
+        duration = impact;
+      }
       if (cut || resting) {
         // Forces that are constant over a part, and the interpolation that finds impacts, are off by the
         // third and fourth power of its duration: where bodies end too deep, it must be shorter.
         const S shortest = as<S>(1.0 / 512) * h;
-        const MaskOf<S> divides = ahead > shortest, sinks = resting_.sunk(pairs, part.end, cut) > S(1);
+        const MaskOf<S> divides = ahead > shortest, sinks = resting_.sunk(pairs, part_end_, cut) > S(1);
         const MaskOf<S> deep = running & divides & sinks;
         if (any(deep)) {
           longest = select(deep, maximum(S(as<S>(0.5) * ahead), shortest), longest);
@@ -130,10 +145,10 @@ class ContinuousContact {
           continue;
         }
       }
-      if (resting) part.end = resting_.settled(pairs, y, contact, part.end, part.duration, pull);
-      y = chosen(running, part.end, y);
-      left = select(running, S(left - part.duration), left);
-      now = now + part.duration;
+      if (resting) resting_.settle(pairs, y, part_end_, duration, pull);
+      replace(running, part_end_, y);
+      left = select(running, S(left - duration), left);
+      now = now + duration;
       search_.start_part();
     }
     finish(forces, integrator, y, now, left, tally);
@@ -141,51 +156,48 @@ class ContinuousContact {
   }
 
  private:
-  using RestingForces = typename detail::RestingContacts<System>::Forces;
-
-  /// The motion from one instant to the next.
-  struct Part {
-    State end;
-    S duration;  ///< s
-  };
-
-  static State chosen(const MaskOf<S>& m, const State& a, const State& b) {
-    State out;
-    for (int i = 0; i < N; ++i) out[i] = select(m, a[i], b[i]);
-    return out;
+  /// Where y is after h seconds from t without impacts.
+  template <class Model, class Integrator, class Push = NoPush>
+  void fly_to(State& end, const Model& forces, const Integrator& integrator, const State& y, const S& t,
+              const S& h, const Push& push = {}) const {
+    end = y;
+    fly_on(*system_, forces, integrator, end, t, h, push);
+  }
+  /// Gives y the numbers of `other` in these lanes.
+  static void replace(const MaskOf<S>& lanes, const State& other, State& y) {
+    for (std::size_t i = 0; i < y.body.size(); ++i) y.body[i] = select(lanes, other.body[i], y.body[i]);
   }
 
   /// Returns the running lanes in which a number on the way to `free`, or its square, is not finite; there
   /// the position of its body in y says so, too.
-  static MaskOf<S> mark_faults(const std::array<S, std::size_t(N)>& way, const State& free,
+  static MaskOf<S> mark_faults(const typename detail::PairSearch<System>::Ways& way, const State& free,
                                const MaskOf<S>& running, State& y) {
     constexpr auto nan = std::numeric_limits<typename Constants<S>::Real>::quiet_NaN();
     MaskOf<S> faulty(false);
-    for (int i = 0; i < N; ++i) {
-      const Quat<S>& q = free[i].orientation;
-      const S all_of_it = way[static_cast<std::size_t>(i)] + norm(free[i].velocity) +
-                          norm(free[i].angular_velocity) + q.x + q.w;
+    for (std::size_t i = 0; i < y.body.size(); ++i) {
+      const RigidState<S>& ahead = free.body[i];
+      const Quat<S>& q = ahead.orientation;
+      const S all_of_it = way[i] + norm(ahead.velocity) + norm(ahead.angular_velocity) + q.x + q.w;
       const MaskOf<S> unfit = running & !is_finite(all_of_it);
       faulty = faulty | unfit;
-      y[i].position.x = select(unfit, S(nan), y[i].position.x);
+      y.body[i].position.x = select(unfit, S(nan), y.body[i].position.x);
     }
     return faulty;
   }
 
-  /// When in a part the first pair touches that does not rest, s; its whole duration where none does. `lost`
-  /// gains the lanes in which a pair goes too far for one step.
-  S earliest_impact(const Pairs& pairs, const State& start, const Part& part, MaskOf<S>& lost) const {
-    Motions motion;
-    for (int i = 0; i < N; ++i) {
-      auto& m = motion[static_cast<std::size_t>(i)];
-      m.position = part.end[i].position;
-      m.velocity = part.end[i].velocity;
-      m.angular_velocity = part.end[i].angular_velocity_world();
+  /// When in a part of so many seconds from `start` to part_end_ the first pair touches that does not rest,
+  /// s; all of the part where none does. `lost` gains the lanes in which a pair goes too far for one step.
+  S earliest_impact(const Pairs& pairs, const State& start, const S& seconds, MaskOf<S>& lost) {
+    for (std::size_t i = 0; i < part_end_.body.size(); ++i) {
+      const RigidState<S>& body = part_end_.body[i];
+      end_motion_[i].position = body.position;
+      end_motion_[i].velocity = body.velocity;
+      end_motion_[i].angular_velocity = body.angular_velocity_world();
     }
-    S earliest = part.duration;
+    S earliest = seconds;
     for (const auto& pair : pairs) {
-      earliest = minimum(earliest,
-                         detail::impact_time(*system_, pair, start, part.end, motion, part.duration, lost));
+      earliest = minimum(earliest, detail::impact_time(*system_, pair, start, part_end_, end_motion_, seconds,
+                                                       probe_, lost));
     }
     return earliest;
   }
@@ -197,9 +209,9 @@ class ContinuousContact {
     const MaskOf<S> over = left > S(0), unresolved = impacts_.unresolved();
     tally.overruns += over | unresolved;
     if (!any(over)) return;
-    State end = fly(*system_, forces, integrator, y, now, left);
-    discrete_.resolve(y, end, left, as<S>(options_.rest_speed), tally);
-    y = chosen(over, end, y);
+    fly_to(part_end_, forces, integrator, y, now, left);
+    discrete_.resolve(y, part_end_, left, as<S>(options_.rest_speed), tally);
+    replace(over, part_end_, y);
   }
 
   const System* system_;
@@ -208,6 +220,10 @@ class ContinuousContact {
   detail::Impacts<System> impacts_;
   detail::RestingContacts<System> resting_;
   detail::DiscreteContact<System> discrete_;  ///< for steps past their event cap
+  State free_;                                ///< after free flight
+  State part_end_;                            ///< where the present part of the step ends
+  Motions motion_, end_motion_;               ///< where the part begins and ends
+  State probe_;                               ///< for the search of an impact
 };
 
 }  // namespace rbres::RBRES_ABI

@@ -2,6 +2,7 @@
 
 #include <limits>
 #include <rbres/body/mechanics.hpp>
+#include <rbres/contact/broad_phase.hpp>
 #include <rbres/contact/contact_pair.hpp>
 #include <rbres/core/reserved.hpp>
 #include <tuple>
@@ -201,8 +202,10 @@ class DiscreteContact {
   using State = typename System::State;
 
  public:
-  explicit DiscreteContact(const System& system) : system_(&system) {
-    const auto n = static_cast<std::size_t>(bodies_of(system));
+  explicit DiscreteContact(const System& system)
+      : system_(&system), broad_(system.planes().size(), system.size()), reach_(per_body<S>(system)) {
+    for (int i = 0; i < system.size(); ++i) reach_[static_cast<std::size_t>(i)] = system[i].bounding_radius();
+    const auto n = static_cast<std::size_t>(system.size());
     pairs_.reserve(most_pairs(system));
     used_.reserve(n);
     gained_.reserve(n);
@@ -213,7 +216,7 @@ class DiscreteContact {
     if (pairs_.empty()) return;
     gained_.clear();
     const S rate = S(1) / select(h > S(0), h, S(1));
-    for (int i = 0; i < bodies_of(*system_); ++i) {
+    for (int i = 0; i < system_->size(); ++i) {
       const Vec3<S> gained = y[i].velocity - before[i].velocity;
       const Vec3<S> mean = rate * (y[i].position - before[i].position);
       const S lost = dot(gained, mean - as<S>(0.5) * (y[i].velocity + before[i].velocity));
@@ -237,8 +240,17 @@ class DiscreteContact {
           pair.depth = maximum(pair.depth, S(-m.gap[i]));
       });
     }
-    // In each round every lane takes the deepest of the pairs that it has left. Those that are apart count,
-    // too: others may push them into one another.
+    // The deepest first. Those that are apart count, too: others may push them into one another.
+    if constexpr (!Packed<S>) {
+      const auto order = [](const Pair& pair) {
+        return std::pair(is_finite(pair.depth) ? S(-pair.depth) : S(0), pair.place);
+      };
+      std::sort(pairs_.begin(), pairs_.end(),
+                [&](const Pair& a, const Pair& b) { return order(a) < order(b); });
+      for (const Pair& pair : pairs_) meet_pair(pair, pair.open);
+      return;
+    }
+    // In each round every lane takes the deepest of the pairs that it has left.
     for (std::size_t round = 0; round < pairs_.size(); ++round) {
       S deepest(std::numeric_limits<typename Constants<S>::Real>::lowest());
       for (const Pair& pair : pairs_) deepest = select(pair.open, maximum(deepest, pair.depth), deepest);
@@ -256,6 +268,7 @@ class DiscreteContact {
  private:
   struct Pair {
     int first, second;  ///< as in Candidate
+    std::size_t place;  ///< in the list
     S depth;            ///< at the end of the step, m; negative: apart
     MaskOf<S> open;     ///< near each other when the pairs were found, and not yet taken
   };
@@ -268,22 +281,31 @@ class DiscreteContact {
   /// The pairs whose bounding balls overlap; and where two of them share a body.
   void find_pairs(const State& y) {
     const System& system = *system_;
-    used_.assign(static_cast<std::size_t>(bodies_of(system)), {MaskOf<S>(false)});
+    used_.assign(static_cast<std::size_t>(system.size()), {MaskOf<S>(false)});
     shared_ = MaskOf<S>(false);
     pairs_.clear();
-    const auto reach = [&](int i) -> const S& { return system[i].bounding_radius(); };
-    for (const auto& [who, near] : near_pairs(system, y, reach)) {
-      pairs_.push_back({who.first, who.second, S(0), near});
+    const auto add = [&](const Candidate& who, const MaskOf<S>& near) {
+      pairs_.push_back({who.first, who.second, pairs_.size(), S(0), near});
       for (const int i : {who.first, who.second}) {
         if (i < 0) continue;
         MaskOf<S>& u = used_[static_cast<std::size_t>(i)].yes;
         shared_ = shared_ | (u & near);
         u = u | near;
       }
+    };
+    if constexpr (Broad::sweeps) {
+      for (const Candidate& who : broad_.find(system, y, reach_)) add(who, MaskOf<S>(true));
+    } else {
+      const auto reach = [&](int i) -> const S& { return reach_[static_cast<std::size_t>(i)]; };
+      for (const auto& [who, near] : near_pairs(system, y, reach)) add(who, near);
     }
   }
 
+  using Broad = BroadPhase<S, System::bodies>;
+
   const System* system_;
+  Broad broad_;
+  PerBody<S, System::bodies> reach_;  ///< bounding radii, m
   Reserved<Pair> pairs_;
   Reserved<Gain<S>> gained_;
   Reserved<Used> used_;

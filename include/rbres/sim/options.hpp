@@ -28,10 +28,11 @@ struct SimulationOptions {
 
   /// Throws Error naming the first option that makes no sense.
   void check() const {
-    if (!(step > 0) || !is_finite(step)) detail::refuse("step", "a positive time in s", step);
+    if (!(step > 0) || !is_finite(step) || !is_finite(1 / step))
+      detail::refuse("step", "a positive time in s", step);
     if (!(duration >= 0) || !is_finite(duration))
       detail::refuse("duration", "a time of 0 s or more", duration);
-    if (!(sample_rate >= 0) || !is_finite(sample_rate)) {
+    if (!(sample_rate >= 0) || !is_finite(sample_rate) || (sample_rate > 0 && !is_finite(1 / sample_rate))) {
       detail::refuse("sample rate", "a frequency of 0 Hz or more", sample_rate);
     }
     if (!(rest_speed >= 0) || !is_finite(rest_speed))

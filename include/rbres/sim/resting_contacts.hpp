@@ -15,7 +15,6 @@ template <class System>
 class RestingContacts {
   using S = typename System::Scalar;
   using State = typename System::State;
-  static constexpr int N = System::bodies;
   using Pair = ContactPair<System>;
   using Pairs = Reserved<Pair>;
   using Motions = typename Pair::Motions;
@@ -23,10 +22,20 @@ class RestingContacts {
 
  public:
   /// What the contacts do to each body.
-  using Forces = std::array<RestingForce<S>, std::size_t(N)>;
+  using Forces = PerBody<RestingForce<S>, System::bodies>;
 
   explicit RestingContacts(const System& system)
-      : system_(&system), islands_(most_pairs(system)), rows_(system), memory_(rows_.capacity()) {
+      : system_(&system),
+        islands_(system),
+        rows_(system),
+        memory_(system, rows_.capacity()),
+        energy_(system),
+        rests_(per_body<MaskOf<S>>(system)),
+        forces_(per_body<RestingForce<S>>(system)),
+        end_(per_body<Motion<S>>(system)),
+        unheld_(end_),
+        flown_(state_of(system)),
+        last_(flown_) {
     at_end_.reserve(most_pairs(system));
     turns_.reserve(most_pairs(system));
   }
@@ -35,7 +44,8 @@ class RestingContacts {
   void continue_from(const State& y) {
     MaskOf<S> same(true);
     const S *now = &y[0].position.x, *then = &last_[0].position.x;
-    for (int k = 0; k < State::size; ++k) {
+    const std::size_t numbers = RigidState<S>::size * y.body.size();
+    for (std::size_t k = 0; k < numbers; ++k) {
       const MaskOf<S> equal = now[k] == then[k];
       same = same & equal;
     }
@@ -95,21 +105,22 @@ class RestingContacts {
     return stopped;
   }
 
-  /// The constant forces with which no resting point approaches when `left` is over, where the bodies would
-  /// then be at `free`. A point may come back as fast as it left: its gap over the time between is then none.
-  Forces forces(const Pairs& pairs, const State& y, const Motions& motion, const State& free, const S& left,
-                const S& pull) {
-    Motions end = motion;
-    for (int i = 0; i < N; ++i) {
-      end[index(i)].velocity = free[i].velocity;
-      end[index(i)].angular_velocity = free[i].angular_velocity_world();
+  /// Finds the constant forces with which no resting point approaches when `left` is over, where the bodies
+  /// would then be at `free`. A point may come back as fast as it left: its gap over the time between is then
+  /// none.
+  void find_forces(const Pairs& pairs, const State& y, const Motions& motion, const State& free,
+                   const S& left, const S& pull) {
+    end_ = motion;
+    for (int i = 0; i < system_->size(); ++i) {
+      end_[index(i)].velocity = free[i].velocity;
+      end_[index(i)].angular_velocity = free[i].angular_velocity_world();
     }
-    const Motions unheld = end;
+    unheld_ = end_;
     const MaskOf<S> open = left > S(0);
     const S rate = S(1) / select(open, left, S(1));
     // Forces over the shortest parts are rounding, and not worth keeping.
     const S kept_rate = select(left * pull > as<S>(1e-4), rate, S(0));
-    Forces contact{};
+    forces_.fill({});
     memory_.start();
     at_end_.resize(pairs.size());
     turns_.resize(pairs.size());
@@ -118,7 +129,7 @@ class RestingContacts {
       take_up(pairs, island, [&](std::size_t k, const Pair& pair, std::size_t i) {
         const S target = closing(pair.manifold, i, pull) - pair.speed[i];
         const auto add = [&](const typename Pair::Contact& there) -> auto& {
-          return rows_.add(pair, there, i, pair.resting[i], target, pair.surface.friction, end);
+          return rows_.add(pair, there, i, pair.resting[i], target, pair.surface.friction, end_);
         };
         if (!turns_[k]) {
           add(pair.manifold);
@@ -127,28 +138,29 @@ class RestingContacts {
         const Vec3<S> way = at_end_[k].point[i] - pair.manifold.point[i];
         add(at_end_[k]).set_drift(cross(motion[index(pair.who.second)].angular_velocity, way));
       });
-      rows_.each(end, [&](auto& row, auto& point, auto& first, auto& second) {
+      rows_.each(end_, [&](auto& row, auto& point, auto& first, auto& second) {
         std::array<S, 3> impulse = memory_.force(row);
         for (S& p : impulse) p = select(row.active, S(left * p), S(0));
         point.add(impulse, first, second);
       });
-      rows_.solve(end, open);
-      rows_.each(end, [&](auto& row, auto& point, auto&, auto&) {
+      rows_.solve(end_, open);
+      rows_.each(end_, [&](auto& row, auto& point, auto&, auto&) {
         memory_.keep(row, kept_rate, open);
-        if (row.moved.first >= 0) add_paired_force(row, point, y, end, rate, contact);
+        if (row.moved.first >= 0) add_paired_force(row, point, y, end_, rate, forces_);
       });
     }
     memory_.finish(open);
-    for (int i = 0; i < N; ++i) {
+    for (int i = 0; i < system_->size(); ++i) {
       if (!any(rests_[index(i)])) continue;
-      const Motion<S>&m = end[index(i)], &b = unheld[index(i)];
+      const Motion<S>&m = end_[index(i)], &b = unheld_[index(i)];
       const Mat3<S> axes = rotation_matrix(y[i].orientation);
       const Vec3<S> spin = axes.transposed_times(m.angular_velocity - b.angular_velocity);
-      contact[index(i)].force = (rate * (*system_)[i].mass()) * (m.velocity - b.velocity);
-      contact[index(i)].torque = rate * (axes * scale((*system_)[i].inertia(), spin));
+      forces_[index(i)].force = (rate * (*system_)[i].mass()) * (m.velocity - b.velocity);
+      forces_[index(i)].torque = rate * (axes * scale((*system_)[i].inertia(), spin));
     }
-    return contact;
   }
+  /// What find_forces() found.
+  const Forces& forces() const { return forces_; }
 
   /// How much deeper than at the start of a part the deepest point is in `flown`, where the contacts' forces
   /// have taken the bodies; 1: as deep as it may get. Of resting pairs, or of all.
@@ -174,11 +186,11 @@ class RestingContacts {
     return worst;
   }
 
-  /// What becomes of `flown`, for which sunk() was asked: no resting point approaches, and contacts have done
-  /// no work that they cannot do from y on, in `part` seconds.
-  State settled(const Pairs& pairs, const State& y, const Forces& contact, const State& flown, const S& part,
-                const S& pull) {
-    Motions motion = motions_of(*system_, flown);
+  /// Changes the velocities of `end`, for which sunk() was asked, so that no resting point approaches, and
+  /// contacts have done no work that they cannot do from y on, in `part` seconds.
+  void settle(const Pairs& pairs, const State& y, State& end, const S& part, const S& pull) {
+    flown_ = end;
+    set_motions(*system_, end, end_);
     for (std::size_t island = 0; island < islands_.count(); ++island) {
       rows_.clear();
       for (const std::size_t k : islands_[island]) {
@@ -189,15 +201,14 @@ class RestingContacts {
           const MaskOf<S> near = at_end.gap[i] <= pair.near;  // points may have changed places
           const MaskOf<S> resting = pair.fixed_points() ? pair.resting[i] : pair.any_resting & near;
           if (any(resting))
-            rows_.add(pair, at_end, i, resting, closing(at_end, i, pull), pair.surface.friction, motion);
+            rows_.add(pair, at_end, i, resting, closing(at_end, i, pull), pair.surface.friction, end_);
         }
       }
-      rows_.solve(motion, MaskOf<S>(true));
+      rows_.solve(end_, MaskOf<S>(true));
     }
-    State end = with_velocities(flown, motion, [&](int i) { return rests_[index(i)]; });
+    take_velocities([&](int i) { return rests_[index(i)]; }, end, end_);
     for (std::size_t island = 0; island < islands_.count(); ++island)
-      energy_.bound(*system_, pairs, islands_[island], at_end_, rests_, {y, flown, contact, part}, end);
-    return end;
+      energy_.bound(*system_, pairs, islands_[island], at_end_, rests_, {y, flown_, forces_, part}, end);
   }
 
   /// Where a body has a resting contact.
@@ -241,14 +252,18 @@ class RestingContacts {
   }
 
   const System* system_;
-  Islands<N> islands_;
+  Islands<System> islands_;
   ContactRows<System> rows_;
   ContactMemory<System> memory_;
   IslandEnergy<System> energy_;
-  std::array<MaskOf<S>, std::size_t(N)> rests_;
+  PerBody<MaskOf<S>, System::bodies> rests_;
+  Forces forces_;
+  Motions end_;                              ///< at the end of a part
+  Motions unheld_;                           ///< the same without the contacts' forces
+  State flown_;                              ///< where these forces have taken the bodies
   Reserved<typename Pair::Contact> at_end_;  ///< how the resting pairs meet at the end of a part, or halfway
   Reserved<char> turns_;                     ///< which pairs' points move with a turn about their plane
-  State last_{};                             ///< where the last step ended
+  State last_;                               ///< where the last step ended
 };
 
 }  // namespace rbres::RBRES_ABI::detail

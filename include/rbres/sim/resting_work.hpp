@@ -38,15 +38,14 @@ struct RestingForce {
   }
 };
 
-/// In lanes, an island of the bodies of all pairs falls apart into islands of each lane's own: returns which
-/// each body belongs to, named by the smallest body in it.
+/// In lanes, an island of the bodies of all pairs falls apart into islands of each lane's own: finds which
+/// each body belongs to, `name`d by the smallest body in it.
 template <class System>
-std::array<typename System::Scalar, std::size_t(System::bodies)> lane_islands(
-    const Reserved<ContactPair<System>>& pairs, std::span<const std::size_t> island) {
+void find_lane_islands(const Reserved<ContactPair<System>>& pairs, std::span<const std::size_t> island,
+                       PerBody<typename System::Scalar, System::bodies>& name) {
   using S = typename System::Scalar;
-  std::array<S, std::size_t(System::bodies)> name;
   for (std::size_t i = 0; i < name.size(); ++i) name[i] = as<S>(double(i));
-  for (int round = 1; round < System::bodies; ++round) {
+  for (std::size_t round = 1; round < name.size(); ++round) {
     for (const std::size_t k : island) {
       const auto& pair = pairs[k];
       if (pair.moved.first < 0) continue;
@@ -56,7 +55,6 @@ std::array<typename System::Scalar, std::size_t(System::bodies)> lane_islands(
       b = select(pair.any_resting, least, b);
     }
   }
-  return name;
 }
 
 /// Adds the force of a point between two bodies (impulse times `rate`), which moves from where y has it to
@@ -90,19 +88,21 @@ class IslandEnergy {
   using State = typename System::State;
   using Pairs = Reserved<ContactPair<System>>;
   using Contacts = Reserved<typename ContactPair<System>::Contact>;
-  static constexpr int N = System::bodies;
-  using Members = std::array<MaskOf<S>, std::size_t(N)>;
+  using Members = PerBody<MaskOf<S>, System::bodies>;
 
  public:
   /// The part that has passed.
   struct Part {
     const State& y;      ///< where it begins
     const State& flown;  ///< where the contacts' forces have taken the bodies
-    const std::array<RestingForce<S>, std::size_t(N)>& contact;
+    const PerBody<RestingForce<S>, System::bodies>& contact;
     const S& seconds;
   };
 
-  IslandEnergy() { bodies_.reserve(N); }
+  explicit IslandEnergy(const System& system)
+      : listed_(per_body<bool>(system)), members_(per_body<MaskOf<S>>(system)), name_(per_body<S>(system)) {
+    bodies_.reserve(listed_.size());
+  }
 
   /// Takes out of `end` what the forces did too much from y to `flown`, and the impulses from there to `end`.
   /// Where a kinematic body drives the island, its contacts may do any work. `at_end`: how its pairs meet
@@ -112,12 +112,11 @@ class IslandEnergy {
     if constexpr (!Packed<S>) {
       bound_members(system, pairs, island, at_end, rests, part, end);
     } else {  // one group of pairs, in which each lane has islands of its own
-      const auto name = lane_islands(pairs, island);
-      for (int i = 0; i < N; ++i) {
-        Members members;
-        for (std::size_t j = 0; j < members.size(); ++j)
-          members[j] = rests[j] & (name[j] == as<S>(double(i)));
-        bound_members(system, pairs, island, at_end, members, part, end);
+      find_lane_islands(pairs, island, name_);
+      for (std::size_t i = 0; i < name_.size(); ++i) {
+        for (std::size_t j = 0; j < members_.size(); ++j)
+          members_[j] = rests[j] & (name_[j] == as<S>(double(i)));
+        bound_members(system, pairs, island, at_end, members_, part, end);
       }
     }
   }
@@ -258,10 +257,12 @@ class IslandEnergy {
   }
 
   Reserved<int> bodies_;
-  std::array<bool, std::size_t(N)> listed_;
-  Mat3<S> mobile_;  ///< projects on the velocities that no plane of the island resists
-  Vec3<S> axis_;    ///< about which one plane lets it turn
-  S planes_;        ///< 0, 1, or 2 for more
+  PerBody<bool, System::bodies> listed_;
+  Members members_;                  ///< of an island in each lane
+  PerBody<S, System::bodies> name_;  ///< of each body's island in each lane
+  Mat3<S> mobile_;                   ///< projects on the velocities that no plane of the island resists
+  Vec3<S> axis_;                     ///< about which one plane lets it turn
+  S planes_;                         ///< 0, 1, or 2 for more
 };
 
 }  // namespace rbres::RBRES_ABI::detail

@@ -45,7 +45,11 @@ class Stepper {
   /// must `contacts`.
   Stepper(const System& system, const Model& forces, const Integrator& integrator, const Contacts& contacts,
           const SimulationOptions& options)
-      : forces_(forces), integrator_(integrator), contacts_(contacts, system, options) {
+      : system_(&system),
+        forces_(forces),
+        integrator_(integrator),
+        contacts_(contacts, system, options),
+        before_(detail::state_of(system)) {
     options.check();
   }
   /// The same where how bodies collide needs no data.
@@ -61,7 +65,8 @@ class Stepper {
   template <class Observer>
   int step(State& y, const S& t, const S& h, Observer& observer) {
     detail::check_impacts<State, S>(observer);
-    const State before = y;
+    detail::check_size(*system_, y);
+    before_ = y;
     const MaskOf<S> forward = h >= S(0);
     const MaskOf<S> sound = forward & is_finite(S(t + h));
     const S time = select(sound, h, S(0));
@@ -70,7 +75,7 @@ class Stepper {
       constexpr auto nan = std::numeric_limits<typename Constants<S>::Real>::quiet_NaN();
       y[0].position.x = select(sound, y[0].position.x, S(nan));
     }
-    return keep_finite(before, y);
+    return keep_finite(y);
   }
   /// The same without an observer.
   int step(State& y, const S& t, const S& h) {
@@ -85,16 +90,16 @@ class Stepper {
   const MaskOf<S>& finite() const { return finite_; }
 
  private:
-  int keep_finite(const State& before, State& y) {
+  int keep_finite(State& y) {
     S sum(0);
     for (const RigidState<S>& body : y.body) sum += component_sum(body);
     const MaskOf<S> good = is_finite(sum);
     if (all(good)) return -1;
     finite_ = finite_ & good;
     int bad = 0;
-    for (int i = System::bodies - 1; i >= 0; --i) {
-      if (!all(is_finite(component_sum(y[i])))) bad = i;
-      y[i] = select(good, y[i], before[i]);
+    for (std::size_t i = y.body.size(); i-- > 0;) {
+      if (!all(is_finite(component_sum(y.body[i])))) bad = static_cast<int>(i);
+      y.body[i] = select(good, y.body[i], before_.body[i]);
     }
     return bad;
   }
@@ -105,19 +110,23 @@ class Stepper {
     return (sum.x + sum.y) + (sum.z + q.x) + (q.y + q.z + q.w);
   }
 
+  const System* system_;
   Model forces_;
   Integrator integrator_;
   typename Contacts::template Step<System> contacts_;
+  State before_;  ///< where the step began
   ContactTally<S> tally_;
   MaskOf<S> finite_{true};
 };
 
 namespace detail {
 
-/// Refuses numbers that are not finite, and quaternions that are not unit (off by more than 1e-3).
+/// Refuses states of another number of bodies, numbers that are not finite, and quaternions that are not unit
+/// (off by more than 1e-3).
 template <class System>
-void check_numbers(const System&, const typename System::State& y) {
-  for (int i = 0; i < System::bodies; ++i)
+void check_numbers(const System& system, const typename System::State& y) {
+  check_size(system, y);
+  for (int i = 0; i < system.size(); ++i)
     naming([&] { return text("body ", i, ", "); }, [&] { check_rigid_state(y[i]); });
 }
 

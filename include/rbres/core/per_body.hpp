@@ -1,0 +1,76 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <memory>
+#include <rbres/core/abi.hpp>
+#include <type_traits>
+#include <vector>
+
+namespace rbres::RBRES_ABI {
+
+/// In place of a number of bodies: known when the program runs, not when it is compiled.
+inline constexpr int dynamic = -1;
+
+namespace detail {
+
+/// An array whose length is given when it is made. Unlike std::vector it holds bool as bool.
+template <class T>
+class HeapArray {
+ public:
+  HeapArray() = default;
+  explicit HeapArray(std::size_t size) : data_(std::make_unique<T[]>(size)), size_(size) {}
+  HeapArray(const HeapArray& other) { *this = other; }
+  HeapArray& operator=(const HeapArray& other) {
+    if (size_ != other.size_) {
+      data_ = std::make_unique<T[]>(other.size_);
+      size_ = other.size_;
+    }
+    std::copy(other.begin(), other.end(), begin());
+    return *this;
+  }
+
+  std::size_t size() const { return size_; }
+  T& operator[](std::size_t i) { return data_[i]; }
+  const T& operator[](std::size_t i) const { return data_[i]; }
+  T* begin() { return data_.get(); }
+  T* end() { return data_.get() + size_; }
+  const T* begin() const { return data_.get(); }
+  const T* end() const { return data_.get() + size_; }
+  void fill(const T& value) { std::fill(begin(), end(), value); }
+
+ private:
+  std::unique_ptr<T[]> data_;
+  std::size_t size_ = 0;
+};
+
+template <class T, int N>
+struct PerBodyOf {
+  using type = std::array<T, std::size_t(N)>;
+};
+template <class T>
+struct PerBodyOf<T, dynamic> {
+  using type = HeapArray<T>;
+};
+/// A T for each of N bodies.
+template <class T, int N>
+using PerBody = typename PerBodyOf<T, N>::type;
+
+/// The same, as a user gives and reads it.
+template <class T, int N>
+using BodyList =
+    std::conditional_t<N == dynamic, std::vector<T>, std::array<T, std::size_t(N == dynamic ? 1 : N)>>;
+
+/// One for each body of a system.
+template <class T, class System>
+PerBody<T, System::bodies> per_body(const System& system) {
+  if constexpr (System::bodies == dynamic) {
+    return PerBody<T, dynamic>(static_cast<std::size_t>(system.size()));
+  } else {
+    return {};
+  }
+}
+
+}  // namespace detail
+}  // namespace rbres::RBRES_ABI
