@@ -1,7 +1,6 @@
 #pragma once
 
 #include <algorithm>
-#include <numeric>
 #include <rbres/contact/near_pairs.hpp>
 #include <rbres/core/reserved.hpp>
 
@@ -13,26 +12,39 @@ inline bool comes_before(const Candidate& a, const Candidate& b) {
   return a.first != b.first ? a.first < b.first : a.second < b.second;
 }
 
+/// A ball around a body, grown by how far the body may move.
+template <class S>
+struct Ball {
+  S low;  ///< where it begins along x, m
+  Vec3<S> centre;
+  S radius;  ///< m
+  int body;
+};
+
 /// Calls found(Candidate) for all pairs of balls around position(i) of radius reach(i) that overlap: sort and
-/// sweep along x (Baraff 1992). `order` holds each i once; it is kept from call to call, so that sorting is
-/// nearly free.
-template <class Order, class Position, class Reach, class Found>
-void sweep(Order& order, const Position& position, const Reach& reach, const Found& found) {
-  const auto low = [&](int i) { return position(i).x - reach(i); };
-  const auto high = [&](int i) { return position(i).x + reach(i); };
-  for (std::size_t k = 1; k < order.size(); ++k) {
-    const int moved = order[k];
-    std::size_t at = k;
-    for (; at > 0 && low(moved) < low(order[at - 1]); --at) order[at] = order[at - 1];
-    order[at] = moved;
+/// sweep along x (Baraff 1992). `balls` know their body; they are kept in their order from call to call, so
+/// that sorting is nearly free.
+template <class Balls, class Position, class Reach, class Found>
+void sweep(Balls& balls, const Position& position, const Reach& reach, const Found& found) {
+  for (auto& ball : balls) {
+    ball.centre = position(ball.body);
+    ball.radius = reach(ball.body);
+    ball.low = ball.centre.x - ball.radius;
   }
-  for (std::size_t k = 0; k < order.size(); ++k) {
-    const int i = order[k];
-    const auto end = high(i);
-    for (std::size_t l = k + 1; l < order.size() && low(order[l]) < end; ++l) {
-      const int j = order[l];
-      const auto both = reach(i) + reach(j);
-      if (squared_norm(position(i) - position(j)) < both * both) found({std::min(i, j), std::max(i, j)});
+  for (std::size_t k = 1; k < balls.size(); ++k) {
+    const auto moved = balls[k];
+    std::size_t at = k;
+    for (; at > 0 && moved.low < balls[at - 1].low; --at) balls[at] = balls[at - 1];
+    balls[at] = moved;
+  }
+  for (std::size_t k = 0; k < balls.size(); ++k) {
+    const auto ball = balls[k];
+    const auto end = ball.centre.x + ball.radius;
+    for (std::size_t l = k + 1; l < balls.size() && balls[l].low < end; ++l) {
+      const auto& other = balls[l];
+      const auto both = ball.radius + other.radius;
+      if (squared_norm(ball.centre - other.centre) < both * both)
+        found({std::min(ball.body, other.body), std::max(ball.body, other.body)});
     }
   }
 }
@@ -49,8 +61,11 @@ class BroadPhase {
 
   /// Allocates all that it needs for so many bodies among so many planes.
   explicit BroadPhase(std::size_t planes, int bodies = N) {
-    if constexpr (N == dynamic) order_ = detail::HeapArray<int>(static_cast<std::size_t>(bodies));
-    std::iota(order_.begin(), order_.end(), 0);
+    if constexpr (N == dynamic) {
+      all_ = detail::HeapArray<Ball>(static_cast<std::size_t>(bodies));
+      some_.reserve(all_.size());
+    }
+    for (int i = 0; i < bodies; ++i) all_[static_cast<std::size_t>(i)].body = i;
     pairs_.reserve(detail::most_pairs(static_cast<std::size_t>(bodies), planes));
   }
 
@@ -65,20 +80,50 @@ class BroadPhase {
              system, state, reach_of)) {
       pairs_.push_back(pair.who);
     }
-    if constexpr (sweeps) {
-      const auto planes_end = static_cast<std::ptrdiff_t>(pairs_.size());
-      detail::sweep(
-          order_, [&](int i) -> const Vec3<S>& { return state[i].position; }, reach_of,
-          [&](const Candidate& pair) {
-            if (system.collides(pair.first, pair.second)) pairs_.push_back(pair);
-          });
-      std::sort(pairs_.begin() + planes_end, pairs_.end(), detail::comes_before);
+    if constexpr (sweeps) sweep(system, state, reach_of, all_);
+    return pairs_;
+  }
+  /// The same pairs among `bodies` alone, whose indices rise.
+  template <class System>
+  const std::vector<Candidate>& find(const System& system, const SystemState<S, N>& state,
+                                     const detail::PerBody<S, N>& reach,
+                                     std::span<const int> bodies) requires(N == dynamic && sweeps) {
+    const auto reach_of = [&](int i) -> const S& { return reach[static_cast<std::size_t>(i)]; };
+    if (bodies.size() == all_.size()) return find(system, state, reach);
+    pairs_.clear();
+    for (int plane = 0; plane < std::ssize(system.planes()); ++plane) {
+      for (const int i : bodies) {
+        if (detail::near_plane(system.planes()[static_cast<std::size_t>(plane)], state[i].position,
+                               reach_of(i)) &&
+            system.collides(-1 - plane, i)) {
+          pairs_.push_back({-1 - plane, i});
+        }
+      }
     }
+    some_.clear();
+    for (const int i : bodies) some_.push_back({state[i].position.x - reach_of(i), {}, S(0), i});
+    std::sort(some_.begin(), some_.end(), [](const Ball& a, const Ball& b) { return a.low < b.low; });
+    sweep(system, state, reach_of, some_);
     return pairs_;
   }
 
  private:
-  detail::PerBody<int, N> order_;
+  using Ball = detail::Ball<S>;
+
+  /// Adds the pairs of the bodies of `balls`.
+  template <class System, class Reach, class Balls>
+  void sweep(const System& system, const SystemState<S, N>& state, const Reach& reach_of, Balls& balls) {
+    const auto planes_end = static_cast<std::ptrdiff_t>(pairs_.size());
+    detail::sweep(
+        balls, [&](int i) -> const Vec3<S>& { return state[i].position; }, reach_of,
+        [&](const Candidate& pair) {
+          if (system.collides(pair.first, pair.second)) pairs_.push_back(pair);
+        });
+    std::sort(pairs_.begin() + planes_end, pairs_.end(), detail::comes_before);
+  }
+
+  detail::PerBody<Ball, N> all_;  ///< in order along x, and so are some_
+  detail::Reserved<Ball> some_;
   detail::Reserved<Candidate> pairs_;
 };
 

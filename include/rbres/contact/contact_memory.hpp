@@ -18,6 +18,35 @@ class ContactMemory {
   ContactMemory(const System& system, std::size_t most_rows) : bodies_(system.size()) {
     last_.reserve(most_rows);
     next_.reserve(most_rows);
+    if constexpr (System::bodies != dynamic) return;
+    step_.reserve(most_rows);
+    groups_.reserve(most_rows);
+  }
+
+  /// Starts a step that is done group by group: what a group knows is where it was at the end of the last
+  /// step, and then what it has found itself.
+  void start_groups() {
+    step_.swap(last_);
+    groups_.clear();
+  }
+  void start_group() {
+    last_.clear();
+    fresh_ = true;
+  }
+  void end_group() {
+    fresh_ = false;
+    const std::size_t room = groups_.capacity() - groups_.size();
+    groups_.insert(groups_.end(), last_.begin(),
+                   last_.begin() + static_cast<std::ptrdiff_t>(std::min(room, last_.size())));
+  }
+  void end_groups() {
+    last_.swap(groups_);
+    std::sort(last_.begin(), last_.end(), by_key);
+  }
+  /// As before start_groups(), whether or not a group has started.
+  void undo_groups() {
+    fresh_ = false;
+    last_.swap(step_);
   }
 
   /// Forgets all, except in the lanes where `same` holds.
@@ -43,7 +72,6 @@ class ContactMemory {
     next_.push_back(entry);
   }
   void finish(const MaskOf<S>& open) {
-    const auto by_key = [](const Entry& a, const Entry& b) { return a.key < b.key; };
     std::sort(next_.begin(), next_.end(), by_key);
     if (!all(open)) {  // what other lanes still hold on to
       const std::size_t fresh = next_.size();
@@ -57,6 +85,7 @@ class ContactMemory {
       std::sort(next_.begin(), next_.end(), by_key);
     }
     last_.swap(next_);
+    fresh_ = false;
   }
 
  private:
@@ -64,18 +93,22 @@ class ContactMemory {
     long key;
     std::array<S, 3> force;
   };
+  static bool by_key(const Entry& a, const Entry& b) { return a.key < b.key; }
   long key(const Row& row) const {
     return (static_cast<long>(row.who.first) * bodies_ + row.who.second) * points +
            static_cast<long>(row.point);
   }
   const Entry* find(long key) const {
-    const auto at = std::lower_bound(last_.begin(), last_.end(), key,
+    const auto& known = fresh_ ? step_ : last_;
+    const auto at = std::lower_bound(known.begin(), known.end(), key,
                                      [](const Entry& entry, long k) { return entry.key < k; });
-    return at != last_.end() && at->key == key ? &*at : nullptr;
+    return at != known.end() && at->key == key ? &*at : nullptr;
   }
 
   int bodies_;
   Reserved<Entry> last_, next_;
+  Reserved<Entry> step_, groups_;  ///< of all groups: where the step began, and where those done end it
+  bool fresh_ = false;             ///< whether a group has found nothing yet
 };
 
 }  // namespace rbres::RBRES_ABI::detail

@@ -28,19 +28,21 @@ class Impacts {
     hit_.reserve(most_pairs(system));
   }
 
-  /// A new step: no body has been hit yet.
-  void start_step() {
-    answered_.fill(S(0));
+  /// A new step of `bodies`: none has been hit yet.
+  void start_step(const BodyIndices<System::bodies>& bodies) {
+    for (const int i : bodies) answered_[std::size_t(i)] = S(0);
     unresolved_ = MaskOf<S>(false);
   }
   /// Where impacts of this step went on without an end.
   const MaskOf<S>& unresolved() const { return unresolved_; }
 
   /// Changes the velocities in `motion` until no touching pair approaches faster than its rest speed. `pairs`
-  /// know where they touch. Returns the lanes in which there was an impact; `count` counts pairs.
-  MaskOf<S> resolve(Reserved<Pair>& pairs, Motions& motion, CountOf<S>& count) {
+  /// know where they touch, and are of `bodies`. Returns the lanes in which there was an impact; `count`
+  /// counts pairs.
+  MaskOf<S> resolve(const BodyIndices<System::bodies>& bodies, Reserved<Pair>& pairs, Motions& motion,
+                    CountOf<S>& count) {
     MaskOf<S> changed(false);
-    changed_.fill(changed);
+    for (const int i : bodies) changed_[std::size_t(i)] = changed;
     for (int pass = 0; pass < passes; ++pass) {
       if (!find_hits(pairs, motion, pass == passes - 1)) break;
       for (std::size_t k = 0; k < pairs.size(); ++k) {
@@ -120,7 +122,11 @@ class Impacts {
     }
     if (!any(found)) return false;
 
-    used_.fill(none);
+    for (const Pair& pair : pairs) {
+      for (const int i : {pair.moved.first, pair.moved.second}) {
+        if (i >= 0) used_[std::size_t(i)] = none;
+      }
+    }
     MaskOf<S> shared(false);
     islands_.clear();
     for (std::size_t k = 0; k < pairs.size(); ++k) {

@@ -54,14 +54,14 @@ template <class System>
 using MotionsOf = PerBody<Motion<typename System::Scalar>, System::bodies>;
 
 template <class System>
-void set_motions(const System& system, const typename System::State& y, MotionsOf<System>& motion) {
-  for (int i = 0; i < system.size(); ++i) motion[static_cast<std::size_t>(i)] = motion_of(system[i], y[i]);
+void set_motions(const System& system, const BodyIndices<System::bodies>& bodies,
+                 const typename System::State& y, MotionsOf<System>& motion) {
+  for (const int i : bodies) motion[static_cast<std::size_t>(i)] = motion_of(system[i], y[i]);
 }
-/// Gives a state the velocities of `motion` in the bodies and lanes that are changed(i).
-template <class State, class Motions, class Changed>
-void take_velocities(const Changed& changed, State& y, const Motions& motion) {
-  for (std::size_t i = 0; i < y.body.size(); ++i)
-    set_velocities_where(changed(static_cast<int>(i)), y.body[i], motion[i]);
+/// Gives a state the velocities of `motion` in those of `bodies` and lanes that are changed(i).
+template <class Bodies, class State, class Motions, class Changed>
+void take_velocities(const Bodies& bodies, const Changed& changed, State& y, const Motions& motion) {
+  for (const int i : bodies) set_velocities_where(changed(i), y[i], motion[static_cast<std::size_t>(i)]);
 }
 
 }  // namespace detail

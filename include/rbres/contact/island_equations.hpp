@@ -39,6 +39,7 @@ class IslandEquations {
   explicit IslandEquations(const System& system)
       : place_(per_body<std::size_t>(system)), matrix_(place_.size(), most_numbers_of(place_.size())) {
     const std::size_t n = place_.size();
+    place_.fill(plane);
     bodies_.reserve(n);
     first_.reserve(n);
     inertia_.reserve(n);
@@ -48,9 +49,9 @@ class IslandEquations {
 
   /// A new island without points.
   void clear() {
+    for (const int body : bodies_) place_[static_cast<std::size_t>(body)] = plane;
     bodies_.clear();
     first_.clear();
-    place_.fill(plane);
     if constexpr (Packed<S>) {  // the same places, whatever touches in other lanes
       for (std::size_t i = 0; i < place_.size(); ++i) {
         place_[i] = i;

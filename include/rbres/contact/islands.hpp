@@ -32,16 +32,24 @@ class Islands {
       if (!pairs_.empty()) end_[count_++] = order_.size();
       return;
     }
-    for (std::size_t i = 0; i < parent_.size(); ++i) parent_[i] = i;
+    const std::size_t none = parent_.size();
+    for (const Pair& pair : pairs_) {  // the others cost nothing, however many they are
+      for (const int body : {pair.first, pair.second}) {
+        if (body < 0) continue;
+        const auto i = std::size_t(body);
+        parent_[i] = i;
+        island_[i] = none;
+      }
+    }
     for (const Pair& pair : pairs_) {
       if (pair.first >= 0) parent_[root(std::size_t(pair.first))] = root(std::size_t(pair.second));
     }
-    const std::size_t none = parent_.size();
-    island_.fill(none);
-    size_.fill(0);
     for (const Pair& pair : pairs_) {
       std::size_t& k = island_[root(std::size_t(pair.second))];
-      if (k == none) k = count_++;
+      if (k == none) {
+        k = count_++;
+        size_[k] = 0;
+      }
       ++size_[k];
     }
     std::size_t end = 0;

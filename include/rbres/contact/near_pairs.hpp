@@ -32,6 +32,12 @@ struct NearPair {
   MaskOf<S> near;  ///< the lanes in which they do
 };
 
+/// Whether a ball overlaps a plane.
+template <class S>
+MaskOf<S> near_plane(const Plane<S>& plane, const Vec3<S>& centre, const S& radius) {
+  return dot(plane.normal, centre) - plane.offset < radius;
+}
+
 /// With what a body is compared.
 enum class Partners { planes, planes_and_bodies };
 
@@ -84,8 +90,7 @@ class NearPairs {
   MaskOf<S> near(const Candidate& who) const {
     const S reach = reach_(who.second);
     if (who.first < 0) {
-      const Plane<S>& plane = planes_[static_cast<std::size_t>(-1 - who.first)];
-      return dot(plane.normal, position_(who.second)) - plane.offset < reach;
+      return near_plane(planes_[static_cast<std::size_t>(-1 - who.first)], position_(who.second), reach);
     }
     const S both = reach_(who.first) + reach;
     return squared_norm(position_(who.first) - position_(who.second)) < both * both;

@@ -14,6 +14,8 @@ class PairSearch {
   using S = typename System::Scalar;
   using State = typename System::State;
   using Pair = ContactPair<System>;
+  using Bodies = BodyIndices<System::bodies>;
+  using Broad = BroadPhase<S, System::bodies>;
 
  public:
   using Ways = PerBody<S, System::bodies>;  ///< m
@@ -29,34 +31,42 @@ class PairSearch {
     pairs_.reserve(most_pairs(system));
   }
 
-  /// A new part, in which no forces are known that carry a body farther than its free flight.
-  void start_part() { wanted_.fill(S(0)); }
+  /// A new part, in which no forces are known that carry one of `bodies` farther than its free flight.
+  void start_part(const Bodies& bodies) {
+    for (const int i : bodies) wanted_[index(i)] = S(0);
+  }
 
   /// How far the bodies may get while they go from `from` to `to`, `time` seconds later.
-  const Ways& ways(const State& from, const State& to, const S& time) {
-    for (int i = 0; i < system_->size(); ++i)
-      way_[index(i)] = maximum(way_of(from[i], to[i], time), wanted_[index(i)]);
+  const Ways& ways(const Bodies& bodies, const State& from, const State& to, const S& time) {
+    for (const int i : bodies) way_[index(i)] = maximum(way_of(from[i], to[i], time), wanted_[index(i)]);
     return way_;
   }
   /// The pairs that may touch on these ways, in the lanes `running`.
-  Reserved<Pair>& find(const State& from, const MaskOf<S>& running) {
+  Reserved<Pair>& find(const Bodies& bodies, const State& from, const MaskOf<S>& running) {
     constexpr auto nan = std::numeric_limits<typename Constants<S>::Real>::quiet_NaN();
-    for (int i = 0; i < system_->size(); ++i) {
+    for (const int i : bodies) {
       // Nothing meets a body whose reach is NaN: lanes that are done need no pairs.
       const S ball = (*system_)[i].bounding_radius() * as<S>(1.001);
       reach_[index(i)] = select(running, S(ball + way_[index(i)]), S(nan));
     }
     pairs_.clear();
-    for (const Candidate& who : broad_.find(*system_, from, reach_))
-      pairs_.emplace_back(*system_, who, rest_speed_);
+    const auto add = [&](const std::vector<Candidate>& found) {
+      for (const Candidate& who : found) pairs_.emplace_back(*system_, who, rest_speed_);
+    };
+    if constexpr (System::bodies == dynamic && Broad::sweeps) {
+      add(broad_.find(*system_, from, reach_, bodies));
+    } else {
+      add(broad_.find(*system_, from, reach_));
+    }
     return pairs_;
   }
 
   /// Whether these ways are as long as those of bodies that are at `to` after `time` seconds. If not, the
   /// next will be.
-  bool covers(const State& from, const State& to, const S& time, const MaskOf<S>& running) {
+  bool covers(const Bodies& bodies, const State& from, const State& to, const S& time,
+              const MaskOf<S>& running) {
     bool all = true;
-    for (int i = 0; i < system_->size(); ++i) {
+    for (const int i : bodies) {
       const S way = way_of(from[i], to[i], time);
       const S slack = as<S>(5e-4) * (*system_)[i].bounding_radius();
       const MaskOf<S> beyond = running & (way > way_[index(i)] + slack);
@@ -77,7 +87,7 @@ class PairSearch {
 
   const System* system_;
   S rest_speed_;
-  BroadPhase<S, System::bodies> broad_;
+  Broad broad_;
   Reserved<Pair> pairs_;
   Ways way_, wanted_;  ///< wanted_: by contact forces
   Ways reach_;         ///< of each body with its way

@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <memory>
 #include <rbres/core/abi.hpp>
+#include <span>
 #include <type_traits>
 #include <vector>
 
@@ -61,6 +62,51 @@ using PerBody = typename PerBodyOf<T, N>::type;
 template <class T, int N>
 using BodyList =
     std::conditional_t<N == dynamic, std::vector<T>, std::array<T, std::size_t(N == dynamic ? 1 : N)>>;
+
+/// Counts bodies.
+struct BodyCounter {
+  int i;
+  constexpr int operator*() const { return i; }
+  constexpr BodyCounter& operator++() {
+    ++i;
+    return *this;
+  }
+  friend constexpr bool operator==(const BodyCounter&, const BodyCounter&) = default;
+};
+/// The indices of all N bodies.
+template <int N>
+struct AllBodies {
+  static constexpr BodyCounter begin() { return {0}; }
+  static constexpr BodyCounter end() { return {N}; }
+};
+template <>
+struct AllBodies<dynamic> {
+  int count;
+  constexpr BodyCounter begin() const { return {0}; }
+  constexpr BodyCounter end() const { return {count}; }
+};
+/// The indices of all bodies of a system.
+template <class System>
+AllBodies<System::bodies> all_bodies(const System& system) {
+  if constexpr (System::bodies == dynamic) {
+    return {system.size()};
+  } else {
+    return {};
+  }
+}
+
+template <int N>
+struct BodyIndicesOf {
+  using type = AllBodies<N>;
+};
+template <>
+struct BodyIndicesOf<dynamic> {
+  using type = std::span<const int>;
+};
+/// The indices of the bodies that something is done with, in order: all of a fixed number, or some of a
+/// number known when the program runs.
+template <int N>
+using BodyIndices = typename BodyIndicesOf<N>::type;
 
 /// One for each body of a system.
 template <class T, class System>

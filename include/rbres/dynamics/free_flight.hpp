@@ -32,6 +32,41 @@ template <class State>
 }
 }  // namespace detail
 
+namespace detail {
+/// Takes `bodies` of a system h seconds on, body by body, see fly_on().
+template <class System, class Bodies, class Model, class Integrator, class Push>
+[[gnu::flatten]] void fly_each_on(const System& system, const Bodies& bodies, const Model& forces,
+                                  const Integrator& integrator, typename System::State& state,
+                                  const typename System::Scalar& t, const typename System::Scalar& h,
+                                  const Push& push) {
+  using S = typename System::Scalar;
+  // Dual numbers take no short cut: their derivatives know of moments nearby.
+  constexpr bool short_cut =
+      std::is_same_v<Push, NoPush> && std::is_floating_point_v<typename ScalarTraits<S>::Value>;
+  for (const int i : bodies) {
+    const auto advance = [&]<class Angular>(Angular) __attribute__((always_inline)) {
+      state[i] = integrator.advance(
+          [&](const S& time, const RigidState<S>& y) __attribute__((always_inline)) {
+            RigidRate<S, Angular> rate;
+            const auto seen = with_unit_orientation(y);
+            set_kinematics(rate, y);
+            set_dynamics(rate, system[i], y,
+                         push(seen, i, time, local_wrench(forces, system[i], seen, i, time)));
+            return rate;
+          },
+          state[i], t, h);
+    };
+    if constexpr (short_cut) {
+      if (!turns(forces) && has_equal_moments(system[i])) {
+        advance(NoVector{});
+        continue;
+      }
+    }
+    advance(Vec3<S>{});
+  }
+}
+}  // namespace detail
+
 /// Takes a system's state h seconds on, without impacts. Body by body where no force couples them.
 /// `push` (state, index, time, wrench) gives the wrench on a body together with what resting contacts add.
 template <class System, class Model, class Integrator, class Push = NoPush>
@@ -40,31 +75,7 @@ template <class System, class Model, class Integrator, class Push = NoPush>
                              const typename System::Scalar& h, const Push& push = {}) {
   using S = typename System::Scalar;
   if constexpr (detail::is_local<Model, S, typename System::Shape>) {
-    // Dual numbers take no short cut: their derivatives know of moments nearby.
-    constexpr bool short_cut =
-        std::is_same_v<Push, NoPush> && std::is_floating_point_v<typename ScalarTraits<S>::Value>;
-    const int bodies = system.size();
-    for (int i = 0; i < bodies; ++i) {
-      const auto advance = [&]<class Angular>(Angular) __attribute__((always_inline)) {
-        state[i] = integrator.advance(
-            [&](const S& time, const RigidState<S>& y) __attribute__((always_inline)) {
-              RigidRate<S, Angular> rate;
-              const auto seen = detail::with_unit_orientation(y);
-              set_kinematics(rate, y);
-              set_dynamics(rate, system[i], y,
-                           push(seen, i, time, detail::local_wrench(forces, system[i], seen, i, time)));
-              return rate;
-            },
-            state[i], t, h);
-      };
-      if constexpr (short_cut) {
-        if (!detail::turns(forces) && detail::has_equal_moments(system[i])) {
-          advance(NoVector{});
-          continue;
-        }
-      }
-      advance(Vec3<S>{});
-    }
+    detail::fly_each_on(system, detail::all_bodies(system), forces, integrator, state, t, h, push);
   } else {
     state = integrator.advance(
         [&](const S& time, const typename System::State& y) {

@@ -7,7 +7,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <numeric>
 #include <span>
 
 namespace rbres::RBRES_ABI::detail {
@@ -51,7 +50,7 @@ struct ContactFrame {
     since_.reserve(bodies);
     first_.reserve(bodies);
     reach_.reserve(bodies);
-    order_.reserve(bodies);
+    balls_.reserve(bodies);
     pairs_.reserve(most_contacts);
     most_ = most_contacts;
   }
@@ -191,12 +190,12 @@ struct ContactFrame {
   /// The pairs of bodies of the last scene that may touch within the frame.
   template <class Position, class Reach, class Collides>
   void find_pairs(const Position& position, const Reach& reach, const Collides& collides) {
-    if (order_.size() != reach_.size()) {
-      order_.resize(reach_.size());
-      std::iota(order_.begin(), order_.end(), 0);
+    if (balls_.size() != reach_.size()) {
+      balls_.resize(reach_.size());
+      for (std::size_t i = 0; i < balls_.size(); ++i) balls_[i].body = static_cast<int>(i);
     }
     pairs_.clear();
-    sweep(order_, position, reach, [&](const Candidate& pair) {
+    sweep(balls_, position, reach, [&](const Candidate& pair) {
       if (pairs_.size() < most_ && collides(pair.first, pair.second)) pairs_.push_back(pair);
     });
     std::sort(pairs_.begin(), pairs_.end(), comes_before);
@@ -252,10 +251,10 @@ struct ContactFrame {
     });
   }
 
-  Reserved<double> since_;  ///< share of the frame from which each body's flight holds
-  Reserved<double> first_;  ///< each body's first impact
-  Reserved<double> reach_;  ///< how far from its middle a body of the last scene may touch something, m
-  Reserved<int> order_;     ///< of its bodies along x
+  Reserved<double> since_;        ///< share of the frame from which each body's flight holds
+  Reserved<double> first_;        ///< each body's first impact
+  Reserved<double> reach_;        ///< how far from its middle a body of the last scene may touch something, m
+  Reserved<Ball<double>> balls_;  ///< around its bodies, in order along x
   Reserved<Candidate> pairs_;
   std::size_t most_ = std::numeric_limits<std::size_t>::max();
 };

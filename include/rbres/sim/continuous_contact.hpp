@@ -1,11 +1,14 @@
 #pragma once
 
 #include <limits>
+#include <numeric>
 #include <rbres/contact/impact_search.hpp>
 #include <rbres/contact/impacts.hpp>
 #include <rbres/contact/pair_search.hpp>
+#include <rbres/contact/step_groups.hpp>
 #include <rbres/dynamics/free_flight.hpp>
 #include <rbres/sim/discrete_contact.hpp>
+#include <rbres/sim/observer.hpp>
 #include <rbres/sim/options.hpp>
 #include <rbres/sim/resting_contacts.hpp>
 #include <utility>
@@ -39,7 +42,8 @@ class ContinuousContact {
         part_end_(free_),
         motion_(detail::per_body<Motion<S>>(system)),
         end_motion_(motion_),
-        probe_(free_) {}
+        probe_(free_),
+        apart_(system) {}
 
   /// Takes y from t to t + h. `observer` may have impact(time, before, after), called with the states around
   /// each group of simultaneous impacts (plain scalars only). Where a number is no longer finite, neither is
@@ -48,9 +52,90 @@ class ContinuousContact {
   void step(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
             Observer& observer, ContactTally<S>& tally) {
     resting_.continue_from(y);
-    impacts_.start_step();
-    search_.start_part();
-    S left = h, now = t;
+    if constexpr (grouped<Model, Observer>) {
+      if (step_groups(forces, integrator, y, t, h, observer, tally)) {
+        resting_.end_step(y);
+        return;
+      }
+    }
+    bodies_ = all();
+    S now = t;
+    const S left = advance(forces, integrator, y, now, h, observer, tally, [](const auto&) { return true; });
+    finish(forces, integrator, y, now, left, tally);
+    resting_.end_step(y);
+  }
+
+ private:
+  using Bodies = detail::BodyIndices<System::bodies>;
+  /// What steps of groups need.
+  struct Apart {
+    explicit Apart(const System& system)
+        : groups(system), start(detail::state_of(system)), all(static_cast<std::size_t>(system.size())) {
+      std::iota(all.begin(), all.end(), 0);
+    }
+    detail::StepGroups<System> groups;
+    State start;                 ///< of the step
+    detail::HeapArray<int> all;  ///< bodies
+  };
+  struct Together {
+    explicit Together(const System&) {}
+  };
+  /// Whether the bodies of a step may be at different times in it.
+  template <class Model, class Observer>
+  static constexpr bool grouped =
+      System::bodies == dynamic && !Packed<S> && detail::is_local<Model, S, typename System::Shape> &&
+      !detail::HearsImpacts<Observer, State, S>;
+  static constexpr int few = 32;  ///< bodies that are stepped together
+
+  /// Takes y from t to t + h group by group. Returns false, and leaves all as it was, where a group does not
+  /// keep to itself or meets the event cap.
+  template <class Model, class Integrator, class Observer>
+  bool step_groups(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
+                   Observer& observer, ContactTally<S>& tally) {
+    if (system_->size() <= few) return false;
+    detail::StepGroups<System>& groups = apart_.groups;
+    State& start = apart_.start;
+    bodies_ = all();
+    fly_to(free_, forces, integrator, y, t, h);
+    search_.start_part(bodies_);
+    const auto& ways = search_.ways(bodies_, y, free_, h);
+    if (mark_faults(ways, free_, MaskOf<S>(true), y)) return true;
+    if (!groups.find(y, ways, h)) return false;
+    start = y;
+    const ContactTally<S> tally_before = tally;
+    for (const int i : groups.alone()) y[i] = free_[i];
+    resting_.start_groups();
+    for (std::size_t k = 0; k < groups.count(); ++k) {
+      bodies_ = groups[k];
+      for (const int i : bodies_) y[i] = start[i];  // other groups have moved its kinematic bodies
+      resting_.start_group();
+      S now = t;
+      const S left = advance(forces, integrator, y, now, h, observer, tally,
+                             [&](const auto& way) { return groups.hold(bodies_, start, y, way); });
+      if (left > S(0) || impacts_.unresolved()) {
+        resting_.undo_groups();
+        y = start;
+        tally = tally_before;
+        return false;
+      }
+      resting_.end_group();
+    }
+    resting_.end_groups();
+    bodies_ = groups.kinematic();
+    for (const int i : bodies_) free_[i] = start[i];
+    detail::fly_each_on(*system_, bodies_, forces, integrator, free_, t, h, NoPush{});
+    for (const int i : bodies_) y[i] = free_[i];
+    return true;
+  }
+
+  /// Takes bodies_ of y from `now` on by h, until its event cap is met or they no longer `hold` to the ways
+  /// (m) that they may go. Returns how much of h is left.
+  template <class Model, class Integrator, class Observer, class Hold>
+  S advance(const Model& forces, const Integrator& integrator, State& y, S& now, const S& h,
+            Observer& observer, ContactTally<S>& tally, const Hold& hold) {
+    impacts_.start_step(bodies_);
+    search_.start_part(bodies_);
+    S left = h;
     MaskOf<S> lost(false);  // too far for one step, or without an end of impacts
     bool resolved = false;  // the impacts of this instant
     S longest = h;          // part that can be computed at once
@@ -65,10 +150,12 @@ class ContinuousContact {
 
       // Find the pairs that may touch before the step is over.
       fly_to(free_, forces, integrator, y, now, ahead);
-      const MaskOf<S> faulty = mark_faults(search_.ways(y, free_, ahead), free_, running, y);
+      const auto& ways = search_.ways(bodies_, y, free_, ahead);
+      const MaskOf<S> faulty = mark_faults(ways, free_, running, y);
       left = select(faulty, S(0), left);
       running = running & !faulty;
-      Pairs& pairs = search_.find(y, running);
+      if (!hold(ways)) return left;
+      Pairs& pairs = search_.find(bodies_, y, running);
       if (pairs.empty()) {
         replace(running, free_, y);
         left = select(running, S(left - ahead), left);
@@ -76,27 +163,29 @@ class ContinuousContact {
         continue;
       }
 
-      detail::set_motions(*system_, y, motion_);
+      detail::set_motions(*system_, bodies_, y, motion_);
       detail::measure(*system_, y, motion_, running, pairs);
 
       // Resolve the impacts of this instant.
-      if (!resolved && any(impacts_.resolve(pairs, motion_, tally.impacts))) {
-        free_ = y;
-        detail::take_velocities([&](int i) { return impacts_.changed(i); }, free_, motion_);
+      if (!resolved && any(impacts_.resolve(bodies_, pairs, motion_, tally.impacts))) {
+        for (const int i : bodies_) free_[i] = y[i];
+        detail::take_velocities(
+            bodies_, [&](int i) { return impacts_.changed(i); }, free_, motion_);
         if constexpr (requires { observer.impact(now, y, free_); })
           observer.impact(now, std::as_const(y), std::as_const(free_));
-        y = free_;
+        for (const int i : bodies_) y[i] = free_[i];
         resolved = true;
         continue;
       }
       resolved = false;
 
       // Find the forces of resting contacts.
-      const bool resting = resting_.find(pairs, running);
+      const bool resting = resting_.find(bodies_, pairs, running);
       if (const MaskOf<S> stopped =
               resting ? resting_.stop_approaches(pairs, motion_, pull) : MaskOf<S>(false);
           any(stopped)) {
-        detail::take_velocities([&](int i) { return stopped & resting_.rests(i); }, y, motion_);
+        detail::take_velocities(
+            bodies_, [&](int i) { return stopped & resting_.rests(i); }, y, motion_);
         detail::measure_speeds<System>(motion_, pairs);
         fly_to(free_, forces, integrator, y, now, ahead);
       }
@@ -118,11 +207,11 @@ class ContinuousContact {
       if (resting) {
         go(ahead);
       } else {
-        part_end_ = free_;
+        for (const int i : bodies_) part_end_[i] = free_[i];
       }
       S duration = ahead;
       // Contact forces may carry a body farther than its free flight: then others may be in its way.
-      if (resting && !search_.covers(y, part_end_, ahead, running)) {
+      if (resting && !search_.covers(bodies_, y, part_end_, ahead, running)) {
         resolved = true;
         continue;
       }
@@ -149,38 +238,41 @@ class ContinuousContact {
       replace(running, part_end_, y);
       left = select(running, S(left - duration), left);
       now = now + duration;
-      search_.start_part();
+      search_.start_part(bodies_);
     }
-    finish(forces, integrator, y, now, left, tally);
-    resting_.end_step(y);
+    return left;
   }
 
- private:
   /// Where y is after h seconds from t without impacts.
   template <class Model, class Integrator, class Push = NoPush>
   void fly_to(State& end, const Model& forces, const Integrator& integrator, const State& y, const S& t,
               const S& h, const Push& push = {}) const {
-    end = y;
-    fly_on(*system_, forces, integrator, end, t, h, push);
+    for (const int i : bodies_) end[i] = y[i];
+    if constexpr (detail::is_local<Model, S, typename System::Shape>) {
+      detail::fly_each_on(*system_, bodies_, forces, integrator, end, t, h, push);
+    } else {
+      fly_on(*system_, forces, integrator, end, t, h, push);
+    }
   }
   /// Gives y the numbers of `other` in these lanes.
-  static void replace(const MaskOf<S>& lanes, const State& other, State& y) {
-    for (std::size_t i = 0; i < y.body.size(); ++i) y.body[i] = select(lanes, other.body[i], y.body[i]);
+  void replace(const MaskOf<S>& lanes, const State& other, State& y) const {
+    for (const int i : bodies_) y[i] = select(lanes, other[i], y[i]);
   }
 
   /// Returns the running lanes in which a number on the way to `free`, or its square, is not finite; there
   /// the position of its body in y says so, too.
-  static MaskOf<S> mark_faults(const typename detail::PairSearch<System>::Ways& way, const State& free,
-                               const MaskOf<S>& running, State& y) {
+  MaskOf<S> mark_faults(const typename detail::PairSearch<System>::Ways& way, const State& free,
+                        const MaskOf<S>& running, State& y) const {
     constexpr auto nan = std::numeric_limits<typename Constants<S>::Real>::quiet_NaN();
     MaskOf<S> faulty(false);
-    for (std::size_t i = 0; i < y.body.size(); ++i) {
-      const RigidState<S>& ahead = free.body[i];
+    for (const int i : bodies_) {
+      const RigidState<S>& ahead = free[i];
       const Quat<S>& q = ahead.orientation;
-      const S all_of_it = way[i] + norm(ahead.velocity) + norm(ahead.angular_velocity) + q.x + q.w;
+      const S all_of_it =
+          way[static_cast<std::size_t>(i)] + norm(ahead.velocity) + norm(ahead.angular_velocity) + q.x + q.w;
       const MaskOf<S> unfit = running & !is_finite(all_of_it);
       faulty = faulty | unfit;
-      y.body[i].position.x = select(unfit, S(nan), y.body[i].position.x);
+      y[i].position.x = select(unfit, S(nan), y[i].position.x);
     }
     return faulty;
   }
@@ -188,11 +280,12 @@ class ContinuousContact {
   /// When in a part of so many seconds from `start` to part_end_ the first pair touches that does not rest,
   /// s; all of the part where none does. `lost` gains the lanes in which a pair goes too far for one step.
   S earliest_impact(const Pairs& pairs, const State& start, const S& seconds, MaskOf<S>& lost) {
-    for (std::size_t i = 0; i < part_end_.body.size(); ++i) {
-      const RigidState<S>& body = part_end_.body[i];
-      end_motion_[i].position = body.position;
-      end_motion_[i].velocity = body.velocity;
-      end_motion_[i].angular_velocity = body.angular_velocity_world();
+    for (const int i : bodies_) {
+      const RigidState<S>& body = part_end_[i];
+      Motion<S>& motion = end_motion_[static_cast<std::size_t>(i)];
+      motion.position = body.position;
+      motion.velocity = body.velocity;
+      motion.angular_velocity = body.angular_velocity_world();
     }
     S earliest = seconds;
     for (const auto& pair : pairs) {
@@ -200,6 +293,14 @@ class ContinuousContact {
                                                        probe_, lost));
     }
     return earliest;
+  }
+
+  Bodies all() const {
+    if constexpr (System::bodies == dynamic) {
+      return {apart_.all.begin(), apart_.all.size()};
+    } else {
+      return {};
+    }
   }
 
   /// Takes the lanes in which time is `left` (s) to the end of the step, with discrete contacts.
@@ -216,6 +317,7 @@ class ContinuousContact {
 
   const System* system_;
   SimulationOptions options_;
+  Bodies bodies_;  ///< that are taken on together
   detail::PairSearch<System> search_;
   detail::Impacts<System> impacts_;
   detail::RestingContacts<System> resting_;
@@ -224,6 +326,7 @@ class ContinuousContact {
   State part_end_;                            ///< where the present part of the step ends
   Motions motion_, end_motion_;               ///< where the part begins and ends
   State probe_;                               ///< for the search of an impact
+  std::conditional_t<System::bodies == dynamic, Apart, Together> apart_;
 };
 
 }  // namespace rbres::RBRES_ABI

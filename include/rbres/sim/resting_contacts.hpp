@@ -18,6 +18,7 @@ class RestingContacts {
   using Pair = ContactPair<System>;
   using Pairs = Reserved<Pair>;
   using Motions = typename Pair::Motions;
+  using Bodies = BodyIndices<System::bodies>;
   static constexpr std::size_t P = Pair::points;
 
  public:
@@ -53,11 +54,21 @@ class RestingContacts {
   }
   void end_step(const State& y) { last_ = y; }
 
-  /// Marks the points that touch, or nearly so, and move slowly; groups their pairs into islands. False where
-  /// there are none.
-  bool find(Pairs& pairs, const MaskOf<S>& running) {
+  /// A step that is done group by group, see ContactMemory.
+  /// @{
+  void start_groups() { memory_.start_groups(); }
+  void start_group() { memory_.start_group(); }
+  void end_group() { memory_.end_group(); }
+  void end_groups() { memory_.end_groups(); }
+  void undo_groups() { memory_.undo_groups(); }
+  /// @}
+
+  /// Marks the points that touch, or nearly so, and move slowly; groups their pairs, of `bodies`, into
+  /// islands. False where there are none.
+  bool find(const Bodies& bodies, Pairs& pairs, const MaskOf<S>& running) {
+    bodies_ = bodies;
     islands_.clear();
-    rests_.fill(MaskOf<S>(false));
+    for (const int i : bodies_) rests_[index(i)] = MaskOf<S>(false);
     bool found = false;
     for (std::size_t k = 0; k < pairs.size(); ++k) {
       Pair& pair = pairs[k];
@@ -110,17 +121,17 @@ class RestingContacts {
   /// none.
   void find_forces(const Pairs& pairs, const State& y, const Motions& motion, const State& free,
                    const S& left, const S& pull) {
-    end_ = motion;
-    for (int i = 0; i < system_->size(); ++i) {
+    for (const int i : bodies_) {
+      end_[index(i)] = motion[index(i)];
       end_[index(i)].velocity = free[i].velocity;
       end_[index(i)].angular_velocity = free[i].angular_velocity_world();
+      unheld_[index(i)] = end_[index(i)];
+      forces_[index(i)] = {};
     }
-    unheld_ = end_;
     const MaskOf<S> open = left > S(0);
     const S rate = S(1) / select(open, left, S(1));
     // Forces over the shortest parts are rounding, and not worth keeping.
     const S kept_rate = select(left * pull > as<S>(1e-4), rate, S(0));
-    forces_.fill({});
     memory_.start();
     at_end_.resize(pairs.size());
     turns_.resize(pairs.size());
@@ -150,7 +161,7 @@ class RestingContacts {
       });
     }
     memory_.finish(open);
-    for (int i = 0; i < system_->size(); ++i) {
+    for (const int i : bodies_) {
       if (!any(rests_[index(i)])) continue;
       const Motion<S>&m = end_[index(i)], &b = unheld_[index(i)];
       const Mat3<S> axes = rotation_matrix(y[i].orientation);
@@ -189,8 +200,8 @@ class RestingContacts {
   /// Changes the velocities of `end`, for which sunk() was asked, so that no resting point approaches, and
   /// contacts have done no work that they cannot do from y on, in `part` seconds.
   void settle(const Pairs& pairs, const State& y, State& end, const S& part, const S& pull) {
-    flown_ = end;
-    set_motions(*system_, end, end_);
+    for (const int i : bodies_) flown_[i] = end[i];
+    set_motions(*system_, bodies_, end, end_);
     for (std::size_t island = 0; island < islands_.count(); ++island) {
       rows_.clear();
       for (const std::size_t k : islands_[island]) {
@@ -206,7 +217,8 @@ class RestingContacts {
       }
       rows_.solve(end_, MaskOf<S>(true));
     }
-    take_velocities([&](int i) { return rests_[index(i)]; }, end, end_);
+    take_velocities(
+        bodies_, [&](int i) { return rests_[index(i)]; }, end, end_);
     for (std::size_t island = 0; island < islands_.count(); ++island)
       energy_.bound(*system_, pairs, islands_[island], at_end_, rests_, {y, flown_, forces_, part}, end);
   }
@@ -252,6 +264,7 @@ class RestingContacts {
   }
 
   const System* system_;
+  Bodies bodies_;  ///< that may rest
   Islands<System> islands_;
   ContactRows<System> rows_;
   ContactMemory<System> memory_;

@@ -102,6 +102,7 @@ class IslandEnergy {
   explicit IslandEnergy(const System& system)
       : listed_(per_body<bool>(system)), members_(per_body<MaskOf<S>>(system)), name_(per_body<S>(system)) {
     bodies_.reserve(listed_.size());
+    listed_.fill(false);
   }
 
   /// Takes out of `end` what the forces did too much from y to `flown`, and the impulses from there to `end`.
@@ -167,8 +168,8 @@ class IslandEnergy {
 
   /// Begins an island.
   void start() {
+    for (const int i : bodies_) listed_[index(i)] = false;
     bodies_.clear();
-    listed_.fill(false);
     mobile_ = {{S(1), S(0), S(0)}, {S(0), S(1), S(0)}, {S(0), S(0), S(1)}};
     axis_ = {};
     planes_ = S(0);
