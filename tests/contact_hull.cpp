@@ -362,7 +362,7 @@ TEST_CASE("the hull of a box's corners lands as the box does") {
             0.35, 1e-9);
     compare(System<double, 1, Any>{{body(box)}, {floor_plane(material)}},
             System<double, 1, Any>{{body(hull_of(box))}, {floor_plane(material)}},
-            SystemState<double, 1>{{start[0]}}, 0.6, 1e-12);
+            SystemState<double, 1>{{start[0]}}, 0.6, 1e-10);
   }
 }
 
