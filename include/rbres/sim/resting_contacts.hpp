@@ -192,7 +192,10 @@ class RestingContacts {
           deeper = maximum(deeper, select(counts, depth, S(0)));
         }
       }
-      worst = maximum(worst, S(deeper / pair.most_sinking()));
+      S most = pair.most_sinking();
+      // The part may end where a new point of a resting pair shows: as deep as impact_time() lets it get.
+      if (all && !pair.fixed_points()) most = select(pair.any_resting, S(as<S>(1.05) * pair.near), most);
+      worst = maximum(worst, S(deeper / most));
     }
     return worst;
   }
