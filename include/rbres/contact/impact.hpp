@@ -1,7 +1,9 @@
 #pragma once
 
 #include <limits>
+#include <rbres/contact/impact_event.hpp>
 #include <rbres/contact/pair_newton.hpp>
+#include <type_traits>
 
 namespace rbres::RBRES_ABI {
 
@@ -126,6 +128,7 @@ class PairImpact {
     return row.active & hits;
   }
 
+  const ContactPoint<S, Fixed, Central>& point(std::size_t i) const { return points_[i].value; }
   template <class F>
   void each(const F& f) {
     for (std::size_t i = 0; i < P; ++i) {
@@ -180,6 +183,29 @@ class PairImpact {
   std::array<Unset<ContactPoint<S, Fixed, Central>>, std::size_t(P)> points_;
 };
 
+/// See resolve_impact(). Calls note(point, impulse) for each point that took part (world frame, m and N s).
+template <bool Fixed, class S, int P, bool Central, class Note>
+MaskOf<S> resolve_pair(const Manifold<S, P, Central>& manifold,
+                       const std::array<MaskOf<S>, std::size_t(P)>& touching, const Surface<S>& surface,
+                       const S& rest_speed, const S& least_speed, Motion<S>& first, Motion<S>& second,
+                       const Note& note) {
+  PairImpact<Fixed, S, P, Central> pair(manifold, first, second);
+  MaskOf<S> hit(false);
+  for (std::size_t i = 0; i < P; ++i) hit = hit | pair.take(i, touching[i], surface, rest_speed, least_speed);
+  if (!any(hit)) return hit;
+  if constexpr (Central) {
+    pair.solve(true, hit);  // normal and tangent do not mix: the law is dissipative as it is
+  } else {
+    solve_impact<S>(pair, hit);
+  }
+  if constexpr (!std::is_same_v<Note, Unheard>) {
+    for (std::size_t i = 0; i < P; ++i) {
+      if (any(touching[i])) note(manifold.point[i], impulse_of(pair.point(i)));
+    }
+  }
+  return hit;
+}
+
 }  // namespace detail
 
 /// Resolves the impact of one pair: all its points at once, each leaving with restitution times the speed it
@@ -192,16 +218,8 @@ MaskOf<S> resolve_impact(const Manifold<S, P, Central>& manifold,
                          const std::type_identity_t<std::array<MaskOf<S>, std::size_t(P)>>& touching,
                          const Surface<S>& surface, const S& rest_speed, const S& least_speed,
                          Motion<S>& first, Motion<S>& second) {
-  detail::PairImpact<Fixed, S, P, Central> pair(manifold, first, second);
-  MaskOf<S> hit(false);
-  for (std::size_t i = 0; i < P; ++i) hit = hit | pair.take(i, touching[i], surface, rest_speed, least_speed);
-  if (!any(hit)) return hit;
-  if constexpr (Central) {
-    pair.solve(true, hit);  // normal and tangent do not mix: the law is dissipative as it is
-  } else {
-    detail::solve_impact<S>(pair, hit);
-  }
-  return hit;
+  return detail::resolve_pair<Fixed>(manifold, touching, surface, rest_speed, least_speed, first, second,
+                                     detail::Unheard{});
 }
 
 }  // namespace rbres::RBRES_ABI

@@ -25,6 +25,7 @@ class Impacts {
         islands_(system),
         rows_(system) {
     info_.reserve(rows_.capacity());
+    where_.reserve(rows_.capacity());
     hit_.reserve(most_pairs(system));
   }
 
@@ -38,9 +39,11 @@ class Impacts {
 
   /// Changes the velocities in `motion` until no touching pair approaches faster than its rest speed. `pairs`
   /// know where they touch, and are of `bodies`. Returns the lanes in which there was an impact; `count`
-  /// counts pairs.
+  /// counts pairs. Calls note(who, normal, point, impulse) for each point that may have taken part (world
+  /// frame, m and N s).
+  template <class Note>
   MaskOf<S> resolve(const BodyIndices<System::bodies>& bodies, Reserved<Pair>& pairs, Motions& motion,
-                    CountOf<S>& count) {
+                    CountOf<S>& count, const Note& note) {
     MaskOf<S> changed(false);
     for (const int i : bodies) changed_[std::size_t(i)] = changed;
     for (int pass = 0; pass < passes; ++pass) {
@@ -54,7 +57,7 @@ class Impacts {
           if (i >= 0) answered_[std::size_t(i)] += select(hit, S(1), S(0));
         }
       }
-      for (std::size_t i = 0; i < islands_.count(); ++i) resolve_island(islands_[i], pairs, motion);
+      for (std::size_t i = 0; i < islands_.count(); ++i) resolve_island(islands_[i], pairs, motion, note);
       if (pass == passes - 1) {
         for (const Hit& h : hit_) unresolved_ = unresolved_ | h.hit;
       }
@@ -147,7 +150,9 @@ class Impacts {
     return true;
   }
 
-  void resolve_island(std::span<const std::size_t> island, Reserved<Pair>& pairs, Motions& motion) {
+  template <class Note>
+  void resolve_island(std::span<const std::size_t> island, Reserved<Pair>& pairs, Motions& motion,
+                      const Note& note) {
     using std::abs;
     MaskOf<S> hit(false);
     for (const std::size_t k : island) hit = hit | hit_[k].hit;
@@ -163,23 +168,25 @@ class Impacts {
     if constexpr (Pair::central) {
       together = Packed<S> ? shared_ : MaskOf<S>(island.size() > 1);
       if (!all(together)) {
-        for (const std::size_t k : island) resolve_alone(pairs[k], hit_[k], !together, motion);
+        for (const std::size_t k : island) resolve_alone(pairs[k], hit_[k], !together, motion, note);
       }
     }
     if (!any(hit & together)) return;
     rows_.clear();
     info_.clear();
+    where_.clear();
     S fastest(0);
     for (const std::size_t k : island) {
       const Pair& pair = pairs[k];
       const Hit& h = hit_[k];
       if (rows_.full()) {
-        resolve_alone(pairs[k], h, together, motion);
+        resolve_alone(pairs[k], h, together, motion, note);
         continue;
       }
       for (std::size_t i = 0; i < P; ++i) {
         if (!any(pair.touching[i] & h.joins & together)) continue;
         ImpactPoint<S>& info = info_.emplace_back();
+        if constexpr (!std::is_same_v<Note, Unheard>) where_.push_back(pair.manifold.point[i]);
         const S speed = pair.opening(pair.manifold, i, motion);
         const MaskOf<S> slow = speed <= select(h.plastic, pair.rest_speed, S(0));
         const MaskOf<S> bounces = speed < -pair.rest_speed;
@@ -198,14 +205,32 @@ class Impacts {
     });
     impact.tolerance = S(64) * S(Constants<S>::epsilon) * fastest;
     solve_impact<S>(impact, hit & together);
+    if constexpr (!std::is_same_v<Note, Unheard>) {
+      std::size_t at = 0;
+      rows_.each(motion, [&](auto& row, auto& point, auto&, auto&) {
+        note(row.who, point.direction(0), where_[at++], impulse_of(point));
+      });
+    }
   }
 
-  static void resolve_alone(const Pair& pair, const Hit& h, const MaskOf<S>& where, Motions& motion) {
+  template <class Note>
+  static void resolve_alone(const Pair& pair, const Hit& h, const MaskOf<S>& where, Motions& motion,
+                            const Note& note) {
     auto touching = pair.touching;
     for (auto& t : touching) t = t & where;
     const auto resolve = [&](auto fixed) {
-      resolve_impact<decltype(fixed)::value>(pair.manifold, touching, h.surface, pair.rest_speed,
-                                             pair.rest_speed, pair.first(motion), pair.second(motion));
+      const auto note_pair = [&] {
+        if constexpr (std::is_same_v<Note, Unheard>) {
+          return note;
+        } else {
+          return [&](const Vec3<S>& point, const Vec3<S>& impulse) {
+            note(pair.who, pair.manifold.normal, point, impulse);
+          };
+        }
+      }();
+      resolve_pair<decltype(fixed)::value>(pair.manifold, touching, h.surface, pair.rest_speed,
+                                           pair.rest_speed, pair.first(motion), pair.second(motion),
+                                           note_pair);
     };
     pair.plane() ? resolve(std::true_type{}) : resolve(std::false_type{});
   }
@@ -217,6 +242,7 @@ class Impacts {
   Islands<System> islands_;
   ContactRows<System> rows_;
   Reserved<ImpactPoint<S>> info_;
+  Reserved<Vec3<S>> where_;  ///< they are, where somebody listens
   Reserved<Hit> hit_;
   MaskOf<S> shared_{false};  ///< where two pairs that have an impact share a body
 };

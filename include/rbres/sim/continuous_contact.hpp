@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <limits>
 #include <numeric>
 #include <rbres/contact/impact_search.hpp>
@@ -43,18 +44,24 @@ class ContinuousContact {
         motion_(detail::per_body<Motion<S>>(system)),
         end_motion_(motion_),
         probe_(free_),
-        apart_(system) {}
+        apart_(system) {
+    heard_.reserve(detail::most_pairs(system));
+  }
 
-  /// Takes y from t to t + h. `observer` may have impact(time, before, after), called with the states around
-  /// each group of simultaneous impacts (plain scalars only). Where a number is no longer finite, neither is
+  /// Takes y from t to t + h. `observer` may have impact(Impact), called at the end of the step for each
+  /// impulse of an impact, or impact(time, before, after), called with the states around each group of
+  /// simultaneous impacts (plain scalars only); for the latter all bodies are at one time, so that more than
+  /// a few cost more and come to other roundings. Where a number is no longer finite, neither is
   /// the state that is left.
   template <class Model, class Integrator, class Observer>
   void step(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
             Observer& observer, ContactTally<S>& tally) {
     resting_.continue_from(y);
+    heard_.clear();
     if constexpr (grouped<Model, Observer>) {
       if (step_groups(forces, integrator, y, t, h, observer, tally)) {
         resting_.end_step(y);
+        tell(observer);
         return;
       }
     }
@@ -63,6 +70,7 @@ class ContinuousContact {
     const S left = advance(forces, integrator, y, now, h, observer, tally, [](const auto&) { return true; });
     finish(forces, integrator, y, now, left, tally);
     resting_.end_step(y);
+    tell(observer);
   }
 
  private:
@@ -114,6 +122,7 @@ class ContinuousContact {
                              [&](const auto& way) { return groups.hold(bodies_, start, y, way); });
       if (left > S(0) || impacts_.unresolved()) {
         resting_.undo_groups();
+        heard_.clear();
         y = start;
         tally = tally_before;
         return false;
@@ -126,6 +135,31 @@ class ContinuousContact {
     detail::fly_each_on(*system_, bodies_, forces, integrator, free_, t, h, NoPush{});
     for (const int i : bodies_) y[i] = free_[i];
     return true;
+  }
+
+  /// Resolves the impacts of this instant, and keeps them where the observer asks for impulses.
+  template <class Observer>
+  MaskOf<S> resolve_impacts(Pairs& pairs, const S& now, ContactTally<S>& tally) {
+    if constexpr (!Packed<S> && detail::HearsImpulses<Observer, S>) {
+      const auto keep = [&](const Candidate& who, const Vec3<S>& normal, const Vec3<S>& point,
+                            const Vec3<S>& impulse) {
+        if (squared_norm(impulse) > S(0))
+          heard_.push_back({now, who.first, who.second, point, normal, impulse});
+      };
+      return impacts_.resolve(bodies_, pairs, motion_, tally.impacts, keep);
+    } else {
+      return impacts_.resolve(bodies_, pairs, motion_, tally.impacts, detail::Unheard{});
+    }
+  }
+  /// Tells the observer of the step's impacts in their order: those of groups are sorted by time.
+  template <class Observer>
+  void tell(Observer& observer) {
+    if constexpr (!Packed<S> && detail::HearsImpulses<Observer, S>) {
+      const auto earlier = [](const Impact<S>& a, const Impact<S>& b) { return a.time < b.time; };
+      for (auto at = heard_.begin(); at != heard_.end(); ++at)
+        std::rotate(std::upper_bound(heard_.begin(), at, *at, earlier), at, at + 1);
+      for (const Impact<S>& impact : heard_) observer.impact(impact);
+    }
   }
 
   /// Takes bodies_ of y from `now` on by h, until its event cap is met or they no longer `hold` to the ways
@@ -167,11 +201,11 @@ class ContinuousContact {
       detail::measure(*system_, y, motion_, running, pairs);
 
       // Resolve the impacts of this instant.
-      if (!resolved && any(impacts_.resolve(bodies_, pairs, motion_, tally.impacts))) {
+      if (!resolved && any(resolve_impacts<Observer>(pairs, now, tally))) {
         for (const int i : bodies_) free_[i] = y[i];
         detail::take_velocities(
             bodies_, [&](int i) { return impacts_.changed(i); }, free_, motion_);
-        if constexpr (requires { observer.impact(now, y, free_); })
+        if constexpr (detail::HearsImpacts<Observer, State, S>)
           observer.impact(now, std::as_const(y), std::as_const(free_));
         for (const int i : bodies_) y[i] = free_[i];
         resolved = true;
@@ -326,6 +360,7 @@ class ContinuousContact {
   State part_end_;                            ///< where the present part of the step ends
   Motions motion_, end_motion_;               ///< where the part begins and ends
   State probe_;                               ///< for the search of an impact
+  detail::Reserved<Impact<S>> heard_;         ///< of this step, where the observer asks for impulses
   std::conditional_t<System::bodies == dynamic, Apart, Together> apart_;
 };
 

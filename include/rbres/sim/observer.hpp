@@ -1,7 +1,7 @@
 #pragma once
 
 #include <concepts>
-#include <rbres/core/scalar.hpp>
+#include <rbres/contact/impact_event.hpp>
 #include <type_traits>
 #include <utility>
 
@@ -22,6 +22,10 @@ template <class Observer, class State, class Time>
 concept HearsImpacts = requires(Observer& observer, const Time& time, const State& state) {
   observer.impact(time, state, state);
 };
+template <class Observer, class S>
+concept HearsImpulses = requires(Observer& observer, const Impact<S>& impact) {
+  observer.impact(impact);
+};
 template <class Observer, class State>
 concept HearsSamples = std::is_invocable_v<Observer&, double, const State&>;
 
@@ -29,14 +33,16 @@ concept HearsSamples = std::is_invocable_v<Observer&, double, const State&>;
 /// Lanes have no impacts to show.
 template <class State, class Time, class Observer>
 constexpr void check_impacts(const Observer&) {
-  static_assert(Packed<Time> || !NamesImpact<Observer> || HearsImpacts<Observer, State, Time>,
-                "an observer's impact is called as (time, state before, state after)");
+  static_assert(Packed<Time> || !NamesImpact<Observer> || HearsImpacts<Observer, State, Time> ||
+                    HearsImpulses<Observer, Time>,
+                "an observer's impact is called as (time, state before, state after) or (rbres::Impact)");
 }
 template <class State, class Time, class Observer>
 constexpr void check_observer(const Observer& observer) {
   check_impacts<State, Time>(observer);
-  static_assert(HearsSamples<Observer, State> || HearsImpacts<Observer, State, Time>,
-                "an observer is called as (double time, const State& state)");
+  static_assert(
+      HearsSamples<Observer, State> || HearsImpacts<Observer, State, Time> || HearsImpulses<Observer, Time>,
+      "an observer is called as (double time, const State& state)");
   if constexpr (HearsSamples<Observer, State>) {
     using Answer = std::remove_cvref_t<std::invoke_result_t<Observer&, double, const State&>>;
     static_assert(std::is_void_v<Answer> || std::same_as<Answer, bool>,

@@ -1,0 +1,209 @@
+// Bodies of a system of a dynamic number that cannot meet in a step are stepped in groups of their own: the
+// same physics as together.
+#include <doctest/doctest.h>
+
+#include <algorithm>
+#include <numeric>
+#include <rbres/rbres.hpp>
+#include <vector>
+
+using namespace rbres;
+
+namespace {
+
+using Crowd = System<double, dynamic>;
+using State = SystemState<double, dynamic>;
+
+/// Asks for the states around impacts, so that all bodies are at one time.
+struct Together {
+  void impact(double, const State&, const State&) {}
+};
+
+/// Clusters of `each` bodies, far apart from one another, that fall onto a floor and onto one another.
+struct Clusters {
+  std::vector<Body<double>> bodies;
+  State y;
+
+  Clusters(int count, int each, const Material<double>& material) {
+    for (int c = 0; c < count; ++c) {
+      for (int k = 0; k < each; ++k) {
+        const int i = c * each + k;
+        if (i % 3 == 0) bodies.push_back({Sphere{0.1}, 0.5 + 0.1 * (i % 4), material});
+        if (i % 3 == 1) bodies.push_back({Box{0.12, 0.08, 0.1}, 0.5 + 0.1 * (i % 5), material});
+        if (i % 3 == 2) bodies.push_back({Capsule{0.06, 0.08}, 0.5 + 0.1 * (i % 2), material});
+        RigidState<double> body;
+        body.position = {2.0 * (c % 8) + 0.02 * k, 2.0 * (c / 8) - 0.01 * k, 0.3 + 0.32 * k};
+        body.orientation = normalized(Quat<double>{0.1 * (i % 7), 0.3, -0.2, 0.9});
+        body.angular_velocity = {0.3 * (i % 5), 0.2, -0.4};
+        y.body.push_back(body);
+      }
+    }
+  }
+  Crowd system(std::vector<Plane<double>> planes) const { return {bodies, std::move(planes)}; }
+};
+
+double farthest(const State& a, const State& b) {
+  double worst = 0;
+  for (int i = 0; i < a.size(); ++i) worst = std::max(worst, norm(a[i].position - b[i].position));
+  return worst;
+}
+
+}  // namespace
+
+TEST_CASE("groups move as they do together") {
+  const Material<double> material{0.5, 0.4};
+  const Clusters clusters(20, 2, material);
+  const Crowd world = clusters.system({floor_plane(material)});
+  const SimulationOptions options{.step = 2e-3, .duration = 0.3};
+  auto apart = clusters.y, together = clusters.y;
+  const auto report = simulate(world, apart, Gravity{}, Rk4{}, options);
+  simulate(world, together, Gravity{}, Rk4{}, options, Together{});
+  CHECK(report.impacts > 60);
+  CHECK(farthest(apart, together) < 1e-8);  // impacts make differences of rounding grow
+  CHECK(!(apart == together));              // or nothing was stepped in groups
+}
+
+TEST_CASE("what happens to one group changes no bit of another") {
+  const Material<double> material{0.5, 0.4};
+  const Clusters clusters(20, 2, material);
+  const Crowd world = clusters.system({floor_plane(material)});
+  const SimulationOptions options{.step = 2e-3, .duration = 0.6};
+  auto y = clusters.y, pushed = clusters.y;
+  pushed[0].velocity = {0.2, 0.1, -1};
+  simulate(world, y, Gravity{}, Rk4{}, options);
+  simulate(world, pushed, Gravity{}, Rk4{}, options);
+  CHECK(!(pushed[0] == y[0]));
+  for (int i = 2; i < y.size(); ++i) CHECK(pushed[i] == y[i]);
+}
+
+TEST_CASE("no order of bodies is preferred") {
+  const Material<double> material{0.6, 0.3};
+  const Clusters clusters(20, 2, material);
+  std::vector<int> order(clusters.bodies.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::reverse(order.begin(), order.end());
+  std::vector<Body<double>> bodies;
+  State turned;
+  for (const int i : order) {
+    bodies.push_back(clusters.bodies[std::size_t(i)]);
+    turned.body.push_back(clusters.y[i]);
+  }
+  const SimulationOptions options{.step = 2e-3, .duration = 0.4};
+  auto y = clusters.y;
+  const Crowd world = clusters.system({floor_plane(material)}), other(bodies, {floor_plane(material)});
+  simulate(world, y, Gravity{}, Rk4{}, options);
+  simulate(other, turned, Gravity{}, Rk4{}, options);
+  for (int i = 0; i < y.size(); ++i)
+    CHECK(norm(y[order[std::size_t(i)]].position - turned[i].position) < 1e-9);
+}
+
+TEST_CASE("energy never rises, and a heap of clusters comes to rest") {
+  for (const double restitution : {0.0, 0.5, 1.0}) {
+    CAPTURE(restitution);
+    const Material<double> material{restitution, 0.4};
+    const Clusters clusters(14, 3, material);
+    const Crowd world = clusters.system({floor_plane(material)});
+    const Vec3<double> g{0, 0, -9.81};
+    auto y = clusters.y;
+    const double start = energy(world, y, g);
+    double last = start, rise = 0, deepest = 0;
+    const auto report =
+        simulate(world, y, Gravity{}, Rk4{}, {.step = 2e-3, .duration = 2, .sample_rate = 100},
+                 [&](double, const State& now) {
+                   const double e = energy(world, now, g);
+                   rise = std::max(rise, e - last);
+                   last = e;
+                   for (const auto& contact : contacts(world, now)) deepest = std::min(deepest, contact.gap);
+                 });
+    CHECK(report.impacts > 50);
+    CHECK(report.overruns == 0);
+    CHECK(rise < 1e-10 * start);
+    CHECK(deepest > -1e-4);
+  }
+}
+
+TEST_CASE("a body that an impact drives into another group within a step does not pass through it") {
+  // A fast heavy ball hits a lighter one, and that a light one, which flies off four times as fast as
+  // anything did before, and would pass the ball in its way within the same step.
+  const Material<double> material{1.0, 0.0};
+  std::vector<Body<double>> bodies{{Sphere{0.1}, 1000.0, material},
+                                   {Sphere{0.02}, 1.0, material},
+                                   {Sphere{0.02}, 0.001, material},
+                                   {Sphere{0.1}, 1.0, material}};
+  State y;
+  y.body.resize(4);
+  y[0].velocity.x = 20;
+  y[1].position.x = 0.125;
+  y[2].position.x = 0.17;
+  y[3].position.x = 0.85;
+  for (int i = 4; i < 40; ++i) {
+    bodies.push_back({Sphere{0.1}, 1.0, material});
+    RigidState<double> body;
+    body.position = {1.0 * (i % 8), 2.0 + 1.0 * (i / 8), 0};
+    y.body.push_back(body);
+  }
+  const Crowd world(bodies);
+  const Gravity<double> none{Vec3<double>{0, 0, 0}};
+  for (const double step : {1e-3, 1e-2, 2e-2}) {
+    CAPTURE(step);
+    auto apart = y, together = y;
+    const SimulationOptions options{.step = step, .duration = 0.02};
+    const auto report = simulate(world, apart, none, Rk4{}, options);
+    simulate(world, together, none, Rk4{}, options, Together{});
+    CHECK(report.impacts > 1);
+    CHECK(apart[2].position.x < apart[3].position.x);
+    CHECK(apart[3].velocity.x > 0.01);
+    CHECK(farthest(apart, together) < 1e-9);
+    CHECK(energy(world, apart, none.g) == doctest::Approx(energy(world, y, none.g)).epsilon(1e-12));
+  }
+}
+
+TEST_CASE("a conveyor that rises and that many groups share carries them all") {
+  const Material<double> material{0.0, 0.5};
+  std::vector<Body<double>> bodies{Body<double>::kinematic(Box{20.0, 1.0, 0.1}, material)};
+  State y;
+  y.body.resize(1);
+  y[0].velocity = {0.5, 0, 0.2};
+  for (int i = 0; i < 40; ++i) {
+    bodies.push_back({Box{0.1, 0.1, 0.1}, 1.0, material});
+    RigidState<double> body;
+    body.position = {-8.0 + 0.4 * i, 0, 0.2};
+    body.velocity.z = 0.2;
+    y.body.push_back(body);
+  }
+  const Crowd world(bodies);
+  const auto report = simulate(world, y, Gravity{}, Rk4{}, {.step = 2e-3, .duration = 1});
+  CHECK(report.overruns == 0);
+  CHECK(y[0].position.x == doctest::Approx(0.5));
+  const double way = 0.5 - 0.5 * 0.5 / (2 * 0.5 * 9.81);  // they slide until they are as fast
+  for (int i = 1; i <= 40; ++i) {
+    CHECK(y[i].velocity.x == doctest::Approx(0.5).epsilon(1e-6));
+    CHECK(y[i].position.x == doctest::Approx(-8.0 + 0.4 * (i - 1) + way).epsilon(1e-4));
+    CHECK(y[i].position.z == doctest::Approx(0.4).epsilon(1e-5));
+  }
+}
+
+TEST_CASE("a copy of a stepper goes on to the same bits, and one body that is lost stops the run") {
+  const Material<double> material{0.3, 0.4};
+  const Clusters clusters(14, 3, material);
+  const Crowd world = clusters.system({floor_plane(material)});
+  auto y = clusters.y;
+  Stepper first(world, Gravity{}, Rk4{}, SimulationOptions{});
+  for (int i = 0; i < 300; ++i) first.step(y, 0.0, 2e-3);
+  auto copy = first;
+  auto by_copy = y;
+  for (int i = 0; i < 100; ++i) {
+    first.step(y, 0.0, 2e-3);
+    copy.step(by_copy, 0.0, 2e-3);
+  }
+  CHECK(by_copy == y);
+
+  const auto fails = [](const auto&, const RigidState<double>&, int i, double time) {
+    return Wrench<double>{{0, 0, i == 7 && time > 0.1 ? std::nan("") : 0.0}, {}};
+  };
+  auto lost = clusters.y;
+  const auto report = simulate(world, lost, Forces{Gravity{}, fails}, Rk4{}, {.step = 2e-3, .duration = 1});
+  CHECK(report.status == SimulationStatus::non_finite);
+  CHECK(report.bad_body == 7);
+  CHECK(report.time == doctest::Approx(0.1).epsilon(0.05));
+}
