@@ -10,14 +10,14 @@ namespace {
 using Boxes = System<double, 2, Box<double>>;
 
 /// Two boxes that touch somewhere, and approach.
-struct Impact {
+struct Collision {
   Boxes system;
   SystemState<double, 2> y;
 };
-Impact random_impact(std::uint64_t stream, const Material<double>& material) {
+Collision random_impact(std::uint64_t stream, const Material<double>& material) {
   Random r(5, stream);
   const auto half = [&] { return r.uniform(0.1, 0.3); };
-  Impact impact{{{Body{Box{half(), half(), half()}, r.uniform(0.5, 3), material},
+  Collision impact{{{Body{Box{half(), half(), half()}, r.uniform(0.5, 3), material},
                   Body{Box{half(), half(), half()}, r.uniform(0.5, 3), material}}},
                 {}};
   auto& y = impact.y;
@@ -37,14 +37,14 @@ Impact random_impact(std::uint64_t stream, const Material<double>& material) {
 struct Sums {
   Vec3<double> linear, angular;
   double energy;
-  Sums(const Impact& impact)
+  Sums(const Collision& impact)
       : linear(linear_momentum(impact.system, impact.y)),
         angular(angular_momentum(impact.system, impact.y)),
         energy(kinetic_energy(impact.system, impact.y)) {}
 };
 
 /// Resolves the impact; returns the normal speeds before and after at the points that approached.
-std::vector<std::pair<double, double>> resolve(Impact& impact) {
+std::vector<std::pair<double, double>> resolve(Collision& impact) {
   std::vector<std::pair<double, double>> speeds;
   detail::with_manifold(impact.system, impact.y, 0, 1, [&](const auto& m, auto is_plane) {
     if constexpr (!decltype(is_plane)::value) {
@@ -78,7 +78,7 @@ TEST_CASE("an impact keeps momentum, never gains energy, and leaves with the res
     CAPTURE(i);
     Random r(6, i);
     const double e = r.uniform(), mu = r.uniform();
-    Impact impact = random_impact(i, {e, mu});
+    Collision impact = random_impact(i, {e, mu});
     const Sums before(impact);
     const auto speeds = resolve(impact);
     const Sums after(impact);
@@ -97,7 +97,7 @@ TEST_CASE("an impact keeps momentum, never gains energy, and leaves with the res
 TEST_CASE("without friction and with e = 1 the energy is kept") {
   for (std::uint64_t i = 0; i < 200; ++i) {
     CAPTURE(i);
-    Impact impact = random_impact(i, {1, 0});
+    Collision impact = random_impact(i, {1, 0});
     const Sums before(impact);
     if (resolve(impact).size() > 1) continue;
     CHECK(Sums(impact).energy == doctest::Approx(before.energy).epsilon(1e-13));
