@@ -18,8 +18,8 @@ Collision random_impact(std::uint64_t stream, const Material<double>& material) 
   Random r(5, stream);
   const auto half = [&] { return r.uniform(0.1, 0.3); };
   Collision impact{{{Body{Box{half(), half(), half()}, r.uniform(0.5, 3), material},
-                  Body{Box{half(), half(), half()}, r.uniform(0.5, 3), material}}},
-                {}};
+                     Body{Box{half(), half(), half()}, r.uniform(0.5, 3), material}}},
+                   {}};
   auto& y = impact.y;
   for (auto& body : y.body) {
     body.orientation = normalized(Quat<double>{r.normal(), r.normal(), r.normal(), r.normal()});

@@ -61,7 +61,7 @@ class Stepper {
 
   /// y at t becomes y at t + h, h of 0 s or more. Returns -1, or the first body that is no longer finite;
   /// then y is as it was in the lanes where it happened. Where t or h is not finite or h is negative, nothing
-  /// moves, and that is body 0. `observer` may have impact(time, before, after), see ContinuousContact.
+  /// moves, and that is body 0. `observer` may have an impact(), see ContinuousContact.
   template <class Observer>
   int step(State& y, const S& t, const S& h, Observer& observer) {
     detail::check_impacts<State, S>(observer);
@@ -172,9 +172,9 @@ void check_start(const System& system, const typename System::State& y) {
 /// Simulates `state` over options.duration (s) and leaves it at the end. `observer` is callable as (time,
 /// state) and returns nothing, or bool: false stops the run. It sees the start, its orientations made unit,
 /// every sample and the end, and changes no bit of the result: see StepPlan. It may also, or only, have
-/// impact(time, before, after), see ContinuousContact; anything else does not compile. `contacts` says how
-/// bodies collide: a ContactLaw, or where there is none AnalyticContacts. Throws Error for options and states
-/// that make no sense.
+/// impact(Impact) or impact(time, before, after), see ContinuousContact; anything else does not compile.
+/// `contacts` says how bodies collide: a ContactLaw, or where there is none AnalyticContacts. Throws Error
+/// for options and states that make no sense.
 template <class System, class Model, class Integrator, class Contacts, class Observer>
 SimulationReport simulate(const System& system, typename System::State& state, const Model& forces,
                           const Integrator& integrator, const Contacts& contacts,
