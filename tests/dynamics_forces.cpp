@@ -1,6 +1,7 @@
 #include <doctest/doctest.h>
 
 #include <rbres/rbres.hpp>
+#include <span>
 
 using namespace rbres;
 
@@ -69,12 +70,66 @@ TEST_CASE("forces add up, in any form of a model") {
   const auto spring = [](const System<double, 2, Sphere<double>>&, const auto& states, int i, double) {
     return Wrench<double>{10.0 * (states[1 - i].position - states[i].position), {}};
   };
-  const Forces all{Gravity{}, Damping{1.0, 0.0}, constant, in_time, spring};
-  const auto first = detail::wrench_on(all, system, y, 0, 5.0),
-             second = detail::wrench_on(all, system, y, 1, 5.0);
-  CHECK(first.force == Vec3<double>{1 - 10, 0, -19.62});
-  CHECK(first.torque == Vec3<double>{0, 0, 3});
-  CHECK(second.force == Vec3<double>{10, 5, -19.62});
+  const auto at_once = [](const System<double, 2, Sphere<double>>&, const auto&, double t,
+                          std::span<Wrench<double>> wrenches) {
+    wrenches[0].force.z += t;
+    wrenches[1].torque.x -= 2 * t;
+  };
+  const Forces all{Gravity{}, Damping{1.0, 0.0}, constant, in_time, spring, at_once};
+  std::array<Wrench<double>, 2> sum{};
+  detail::add_wrenches(all, system, y, 5.0, sum);
+  CHECK(sum[0].force == Vec3<double>{1 - 10, 0, -19.62 + 5});
+  CHECK(sum[0].torque == Vec3<double>{0, 0, 3});
+  CHECK(sum[1].force == Vec3<double>{10, 5, -19.62});
+  CHECK(sum[1].torque == Vec3<double>{-10, 0, 0});
+}
+
+TEST_CASE_TEMPLATE("a force on all bodies at once moves them as one on each does", S, double, float,
+                   Pack<double, 4>) {
+  const auto each = [](const auto& system, const auto& y, int i, const S&) requires requires {
+    system.planes();
+  }
+  {
+    Wrench<S> sum;
+    for (int j = 0; j < system.size(); ++j) {
+      if (j != i) sum.force += as<S>(3) * (y[j].position - y[i].position);
+    }
+    return sum;
+  };
+  const auto at_once = [](const auto& system, const auto& y, const S&, auto wrenches) requires requires {
+    system.planes();
+    wrenches[0].force;
+  }
+  {
+    for (int i = 0; i < system.size(); ++i) {
+      for (int j = 0; j < system.size(); ++j) {
+        if (j != i) wrenches[std::size_t(i)].force += as<S>(3) * (y[j].position - y[i].position);
+      }
+    }
+  };
+  const auto check = [&](const auto& system, auto y) {
+    auto other = y;
+    Stepper by_each(system, Forces{Gravity{}, each}, Rk4{}, SimulationOptions{});
+    Stepper by_all(system, Forces{Gravity{}, at_once}, Rk4{}, SimulationOptions{});
+    for (int k = 0; k < 200; ++k) {
+      by_each.step(y, as<S>(0), as<S>(2e-3));
+      by_all.step(other, as<S>(0), as<S>(2e-3));
+    }
+    const auto* a = &y[0].position.x;
+    const auto* b = &other[0].position.x;
+    for (int k = 0; k < RigidState<S>::size * system.size(); ++k) CHECK(all(a[k] == b[k]));
+    CHECK(all(y[0].position.z < as<S>(1)));
+  };
+  using Ball = Body<S, Sphere<S>>;
+  const Ball small(Sphere<S>(as<S>(0.1)), as<S>(1)), large(Sphere<S>(as<S>(0.2)), as<S>(3));
+  SystemState<S, 3> y;
+  SystemState<S, dynamic> z;
+  for (int i = 0; i < 3; ++i) {
+    y[i].position = {as<S>(0.7 * i), as<S>(0.1 * i), as<S>(1)};
+    z.body.push_back(y[i]);
+  }
+  check(System<S, 3, Sphere<S>>({{small, large, small}}, {floor_plane<S>()}), y);
+  check(System<S, dynamic, Sphere<S>>({small, large, small}, {floor_plane<S>()}), z);
 }
 
 TEST_CASE("the gyroscopic term: I w' = tau - w x (I w)") {

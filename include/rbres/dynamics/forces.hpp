@@ -1,18 +1,21 @@
 #pragma once
 
 #include <rbres/body/system.hpp>
+#include <span>
 #include <tuple>
 
 namespace rbres::RBRES_ABI {
 
 /// @file
-/// A force model gives the wrench on one body. It is any callable with one of these forms, a user's lambda
-/// included:
+/// A force model gives the wrench on a body, or on all. It is any callable with one of these forms, a user's
+/// lambda included:
 ///
 ///     (body, state)                 the body and its own state
 ///     (body, state, index, time)    and which body it is, and when (s)
 ///     (system, states, index, time) the whole system: forces between bodies; not with `auto` for the system,
 ///                                   which would pass for a body
+///     (system, states, time, wrenches) all bodies at once: adds to each of a std::span<Wrench<S>>, and
+///                                   returns nothing; the same holds for `auto`
 ///
 /// Compose with Forces{Gravity{}, FluidFriction{}, ...}; nothing is decided at run time. A model may say with
 /// turns() that it never exerts a torque.
@@ -183,30 +186,34 @@ template <class... Models, class S, class Shape>
   }
 }
 
-/// The wrench of any model.
+/// Adds the wrenches of any model.
 template <class Model, class System>
-Wrench<typename System::Scalar> wrench_on(const Model& model, const System& system,
-                                          const typename System::State& states, int i,
-                                          const typename System::Scalar& t) {
-  if constexpr (is_local<Model, typename System::Scalar, typename System::Shape>) {
-    return local_wrench(model, system[i], states[i], i, t);
+void add_wrenches(const Model& model, const System& system, const typename System::State& states,
+                  const typename System::Scalar& t, std::span<Wrench<typename System::Scalar>> wrenches) {
+  using S = typename System::Scalar;
+  const auto add_each = [&](const auto& wrench_on) {
+    for (int i = 0; i < system.size(); ++i) {
+      Wrench<S>& sum = wrenches[static_cast<std::size_t>(i)];
+      sum = sum + wrench_on(i);
+    }
+  };
+  if constexpr (is_local<Model, S, typename System::Shape>) {
+    add_each([&](int i) { return local_wrench(model, system[i], states[i], i, t); });
+  } else if constexpr (std::is_invocable_v<const Model&, const System&, const typename System::State&, int,
+                                           const S&>) {
+    add_each([&](int i) { return model(system, states, i, t); });
   } else {
-    static_assert(std::is_invocable_v<const Model&, const System&, const typename System::State&, int,
-                                      const typename System::Scalar&>,
-                  "a force model is callable as (body, state), (body, state, index, time) or (system, "
-                  "states, index, time)");
-    return model(system, states, i, t);
+    static_assert(std::is_invocable_r_v<void, const Model&, const System&, const typename System::State&,
+                                        const S&, std::span<Wrench<S>>>,
+                  "a force model is callable as (body, state), (body, state, index, time), (system, states, "
+                  "index, time) or (system, states, time, wrenches)");
+    model(system, states, t, wrenches);
   }
 }
 template <class... Models, class System>
-Wrench<typename System::Scalar> wrench_on(const Forces<Models...>& forces, const System& system,
-                                          const typename System::State& states, int i,
-                                          const typename System::Scalar& t) {
-  return std::apply(
-      [&](const auto&... m) {
-        return (Wrench<typename System::Scalar>{} + ... + wrench_on(m, system, states, i, t));
-      },
-      forces.models);
+void add_wrenches(const Forces<Models...>& forces, const System& system, const typename System::State& states,
+                  const typename System::Scalar& t, std::span<Wrench<typename System::Scalar>> wrenches) {
+  std::apply([&](const auto&... m) { (add_wrenches(m, system, states, t, wrenches), ...); }, forces.models);
 }
 
 }  // namespace detail

@@ -82,11 +82,13 @@ template <class System, class Model, class Integrator, class Push = NoPush>
           SystemRate<S, System::bodies> rate;
           const auto seen = detail::with_unit_orientation(y);
           if constexpr (System::bodies == dynamic) rate.body.resize(y.body.size());
+          auto wrenches = detail::per_body<Wrench<S>>(system);
+          detail::add_wrenches(forces, system, seen, time, {wrenches.begin(), wrenches.end()});
           for (int i = 0; i < system.size(); ++i) {
             auto& body = rate.body[static_cast<std::size_t>(i)];
             set_kinematics(body, y[i]);
             set_dynamics(body, system[i], y[i],
-                         push(seen[i], i, time, detail::wrench_on(forces, system, seen, i, time)));
+                         push(seen[i], i, time, wrenches[static_cast<std::size_t>(i)]));
           }
           return rate;
         },
