@@ -66,6 +66,7 @@ class ContinuousContact {
       }
     }
     bodies_ = all();
+    in_crowd_ = false;
     S now = t;
     const S left = advance(forces, integrator, y, now, h, observer, tally, [](const auto&) { return true; });
     finish(forces, integrator, y, now, left, tally);
@@ -113,6 +114,7 @@ class ContinuousContact {
     const ContactTally<S> tally_before = tally;
     for (const int i : groups.alone()) y[i] = free_[i];
     resting_.start_groups();
+    in_crowd_ = true;
     for (std::size_t k = 0; k < groups.count(); ++k) {
       bodies_ = groups[k];
       for (const int i : bodies_) y[i] = start[i];  // other groups have moved its kinematic bodies
@@ -260,7 +262,8 @@ class ContinuousContact {
         // Forces that are constant over a part, and the interpolation that finds impacts, are off by the
         // third and fourth power of its duration: where bodies end too deep, it must be shorter.
         const S shortest = as<S>(1.0 / 512) * h;
-        const MaskOf<S> divides = ahead > shortest, sinks = resting_.sunk(pairs, part_end_, cut) > S(1);
+        const MaskOf<S> divides = ahead > shortest,
+                        sinks = resting_.sunk(pairs, part_end_, cut, in_crowd_) > S(1);
         const MaskOf<S> deep = running & divides & sinks;
         if (any(deep)) {
           longest = select(deep, maximum(S(as<S>(0.5) * ahead), shortest), longest);
@@ -351,7 +354,8 @@ class ContinuousContact {
 
   const System* system_;
   SimulationOptions options_;
-  Bodies bodies_;  ///< that are taken on together
+  Bodies bodies_;          ///< that are taken on together
+  bool in_crowd_ = false;  ///< whether they are a group of many
   detail::PairSearch<System> search_;
   detail::Impacts<System> impacts_;
   detail::RestingContacts<System> resting_;

@@ -174,8 +174,9 @@ class RestingContacts {
   const Forces& forces() const { return forces_; }
 
   /// How much deeper than at the start of a part the deepest point is in `flown`, where the contacts' forces
-  /// have taken the bodies; 1: as deep as it may get. Of resting pairs, or of all.
-  S sunk(const Pairs& pairs, const State& flown, bool all) {
+  /// have taken the bodies; 1: as deep as it may get. Of resting pairs, or of all. `in_crowd`: a new point
+  /// may end the part, which is cheap; else parts are so short there that runs do not hang on rounding.
+  S sunk(const Pairs& pairs, const State& flown, bool all, bool in_crowd) {
     at_end_.resize(pairs.size());
     S worst(0);
     for (std::size_t k = 0; k < pairs.size(); ++k) {
@@ -193,8 +194,9 @@ class RestingContacts {
         }
       }
       S most = pair.most_sinking();
-      // The part may end where a new point of a resting pair shows: as deep as impact_time() lets it get.
-      if (all && !pair.fixed_points()) most = select(pair.any_resting, S(as<S>(1.05) * pair.near), most);
+      // A part may end where a new point of a resting pair shows: as deep as impact_time() lets it get.
+      if (in_crowd && all && !pair.fixed_points())
+        most = select(pair.any_resting, S(as<S>(1.05) * pair.near), most);
       worst = maximum(worst, S(deeper / most));
     }
     return worst;
