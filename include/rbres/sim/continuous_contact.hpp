@@ -66,7 +66,6 @@ class ContinuousContact {
       }
     }
     bodies_ = all();
-    in_crowd_ = false;
     S now = t;
     const S left = advance(forces, integrator, y, now, h, observer, tally, [](const auto&) { return true; });
     finish(forces, integrator, y, now, left, tally);
@@ -94,14 +93,15 @@ class ContinuousContact {
   static constexpr bool grouped =
       System::bodies == dynamic && !Packed<S> && detail::is_local<Model, S, typename System::Shape> &&
       !detail::HearsImpacts<Observer, State, S>;
-  static constexpr int few = 32;  ///< bodies that are stepped together
+  /// Whether there are so many bodies that each step costs too much for all of them together.
+  bool in_crowd() const { return System::bodies == dynamic && !Packed<S> && system_->size() > 32; }
 
   /// Takes y from t to t + h group by group. Returns false, and leaves all as it was, where a group does not
   /// keep to itself or meets the event cap.
   template <class Model, class Integrator, class Observer>
   bool step_groups(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
                    Observer& observer, ContactTally<S>& tally) {
-    if (system_->size() <= few) return false;
+    if (!in_crowd()) return false;
     detail::StepGroups<System>& groups = apart_.groups;
     State& start = apart_.start;
     bodies_ = all();
@@ -114,7 +114,6 @@ class ContinuousContact {
     const ContactTally<S> tally_before = tally;
     for (const int i : groups.alone()) y[i] = free_[i];
     resting_.start_groups();
-    in_crowd_ = true;
     for (std::size_t k = 0; k < groups.count(); ++k) {
       bodies_ = groups[k];
       for (const int i : bodies_) y[i] = start[i];  // other groups have moved its kinematic bodies
@@ -263,7 +262,7 @@ class ContinuousContact {
         // third and fourth power of its duration: where bodies end too deep, it must be shorter.
         const S shortest = as<S>(1.0 / 512) * h;
         const MaskOf<S> divides = ahead > shortest,
-                        sinks = resting_.sunk(pairs, part_end_, cut, in_crowd_) > S(1);
+                        sinks = resting_.sunk(pairs, part_end_, cut, in_crowd()) > S(1);
         const MaskOf<S> deep = running & divides & sinks;
         if (any(deep)) {
           longest = select(deep, maximum(S(as<S>(0.5) * ahead), shortest), longest);
@@ -354,8 +353,7 @@ class ContinuousContact {
 
   const System* system_;
   SimulationOptions options_;
-  Bodies bodies_;          ///< that are taken on together
-  bool in_crowd_ = false;  ///< whether they are a group of many
+  Bodies bodies_;  ///< that are taken on together
   detail::PairSearch<System> search_;
   detail::Impacts<System> impacts_;
   detail::RestingContacts<System> resting_;
