@@ -37,7 +37,7 @@ struct ContactPair {
   using Contact = Manifold<S, int(points), central>;
 
   Candidate who;
-  Candidate moved;  ///< the same without a kinematic body: what contacts do not move is the first, and -1
+  Candidate moved;  ///< see moved_of()
   Contact manifold;
   std::array<S, points> speed;  ///< at which each point's gap opens, m/s
   std::array<MaskOf<S>, points> touching, resting;
@@ -51,12 +51,9 @@ struct ContactPair {
   S still;        ///< points that open slower than this do not part, m/s
 
   ContactPair(const System& system, const Candidate& candidate, const S& rest)
-      : who(candidate), moved(candidate), surface(surface_of(system, who.first, who.second)) {
-    if (system[who.second].is_kinematic()) {
-      moved = {-1, who.first};
-    } else if (plane() || system[who.first].is_kinematic()) {
-      moved.first = -1;
-    }
+      : who(candidate),
+        moved(moved_of(system, candidate)),
+        surface(surface_of(system, who.first, who.second)) {
     size = system[who.second].bounding_radius();
     if (!plane()) size = minimum(size, system[who.first].bounding_radius());
     touch = as<S>(Constants<S>::touch) * size;

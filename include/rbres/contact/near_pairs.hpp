@@ -38,6 +38,13 @@ MaskOf<S> near_plane(const Plane<S>& plane, const Vec3<S>& centre, const S& radi
   return dot(plane.normal, centre) - plane.offset < radius;
 }
 
+/// A pair without a kinematic body: what contacts do not move is the first, and -1.
+template <class System>
+Candidate moved_of(const System& system, const Candidate& who) {
+  if (system[who.second].is_kinematic()) return {-1, who.first};
+  return {who.first < 0 || system[who.first].is_kinematic() ? -1 : who.first, who.second};
+}
+
 /// With what a body is compared.
 enum class Partners { planes, planes_and_bodies };
 

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <rbres/contact/broad_phase.hpp>
+#include <rbres/contact/islands.hpp>
 #include <rbres/core/reserved.hpp>
 #include <span>
-#include <utility>
 
 namespace rbres::RBRES_ABI::detail {
 
@@ -21,17 +21,14 @@ class StepGroups {
   explicit StepGroups(const System& system)
       : system_(&system),
         broad_(system.planes().size(), system.size()),
+        islands_(system),
         reach_(per_body<S>(system)),
         ball_(reach_),
-        fastest_(reach_),
-        parent_(per_body<int>(system)),
-        group_(parent_),
         meets_(per_body<bool>(system)) {
     const auto n = static_cast<std::size_t>(system.size());
     alone_.reserve(n);
     kinematic_.reserve(n);
-    members_.reserve(2 * n);
-    bodies_.reserve(2 * n);
+    bodies_.reserve(n + 2 * most_pairs(system));
     end_.reserve(n);
     for (int i = 0; i < system.size(); ++i) {
       if (system[i].is_kinematic()) kinematic_.push_back(i);
@@ -49,11 +46,15 @@ class StepGroups {
     }
     // Bodies that meet may go as far as the fastest of them, and then meet others.
     constexpr int rounds = 4;
-    for (int round = 0; join(y, way, time); ++round) {
-      if (round == rounds) return false;
+    for (int round = 0; round <= rounds; ++round) {
+      for (int i = 0; i < system_->size(); ++i)
+        ball_[index(i)] = (*system_)[i].bounding_radius() * as<S>(1.001) + reach_[index(i)];
+      const auto& pairs = broad_.find(*system_, y, ball_);
+      if (join(pairs, y, way, time)) continue;
+      list(pairs);
+      return count() > 1 || !alone_.empty();
     }
-    list();
-    return count() > 1 || !alone_.empty();
+    return false;
   }
 
   std::size_t count() const { return end_.size(); }
@@ -78,95 +79,68 @@ class StepGroups {
 
  private:
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
-  bool moves(int i) const { return i >= 0 && !(*system_)[i].is_kinematic(); }
-  int root(int i) {
-    while (parent_[index(i)] != i) i = parent_[index(i)] = parent_[index(parent_[index(i)])];
-    return i;
-  }
-
   /// How far a point of a body may go that flies `way`, m.
   S far(const State& y, const Ways& way, const S& time, int i) const {
     return way[index(i)] + (*system_)[i].bounding_radius() * time * norm(y[i].angular_velocity);
   }
+  /// Calls f(body) for the bodies of the pairs of group k, kinematic ones too, some of them many times.
+  template <class F>
+  void each_of(std::size_t k, const std::vector<Candidate>& pairs, const F& f) const {
+    for (const std::size_t pair : islands_[k]) {
+      if (pairs[pair].first >= 0) f(pairs[pair].first);
+      f(pairs[pair].second);
+    }
+  }
 
   /// Joins the bodies that may meet. Returns whether that lets one of them go farther than its reach was.
-  bool join(const State& y, const Ways& way, const S& time) {
-    for (int i = 0; i < system_->size(); ++i) {
-      ball_[index(i)] = (*system_)[i].bounding_radius() * as<S>(1.001) + reach_[index(i)];
-      parent_[index(i)] = i;
-      meets_[index(i)] = false;
-      fastest_[index(i)] = S(0);
+  bool join(const std::vector<Candidate>& pairs, const State& y, const Ways& way, const S& time) {
+    islands_.clear();
+    for (std::size_t k = 0; k < pairs.size(); ++k) {
+      const Candidate moved = moved_of(*system_, pairs[k]);
+      islands_.add(k, moved.first, moved.second);
     }
-    pairs_ = &broad_.find(*system_, y, ball_);
-    for (const Candidate& who : *pairs_) {
-      for (const int i : {who.first, who.second}) {
-        if (moves(i)) meets_[index(i)] = true;
-      }
-      if (moves(who.first) && moves(who.second)) parent_[index(root(who.first))] = root(who.second);
-    }
-    for (const Candidate& who : *pairs_) {
-      const int group = moves(who.first) ? who.first : who.second;
-      for (const int i : {who.first, who.second}) {
-        if (i < 0) continue;
-        S& fastest = fastest_[index(root(group))];
-        fastest = maximum(fastest, far(y, way, time, i));
-      }
-    }
+    islands_.group(false);
     bool grown = false;
-    for (int i = 0; i < system_->size(); ++i) {
-      if (!meets_[index(i)]) continue;
-      const S most = as<S>(2) * fastest_[index(root(i))];
-      if (reach_[index(i)] < most) {
-        reach_[index(i)] = most;
+    for (std::size_t k = 0; k < islands_.count(); ++k) {
+      S fastest(0);
+      each_of(k, pairs, [&](int i) { fastest = maximum(fastest, far(y, way, time, i)); });
+      each_of(k, pairs, [&](int i) {
+        if ((*system_)[i].is_kinematic() || !(reach_[index(i)] < as<S>(2) * fastest)) return;
+        reach_[index(i)] = as<S>(2) * fastest;
         grown = true;
-      }
+      });
     }
     return grown;
   }
 
   /// Lists the bodies of each group, and those that are alone.
-  void list() {
-    alone_.clear();
-    members_.clear();
-    int groups = 0;
-    for (int i = 0; i < system_->size(); ++i) group_[index(i)] = -1;
-    for (int i = 0; i < system_->size(); ++i) {
-      if (!moves(i)) continue;
-      if (!meets_[index(i)]) {
-        alone_.push_back(i);
-        continue;
-      }
-      int& group = group_[index(root(i))];
-      if (group < 0) group = groups++;
-      members_.push_back({group, i});
-    }
-    for (const Candidate& who : *pairs_) {
-      if (who.first < 0 || (moves(who.first) && moves(who.second))) continue;
-      const auto [body, kinematic] =
-          moves(who.first) ? std::pair(who.first, who.second) : std::pair(who.second, who.first);
-      members_.push_back({group_[index(root(body))], kinematic});
-    }
-    std::sort(members_.begin(), members_.end());
-    members_.erase(std::unique(members_.begin(), members_.end()), members_.end());
+  void list(const std::vector<Candidate>& pairs) {
+    meets_.fill(false);
     bodies_.clear();
     end_.clear();
-    for (const auto& [group, body] : members_) {
-      if (static_cast<std::size_t>(group) == end_.size()) end_.push_back(bodies_.size());
-      bodies_.push_back(body);
-      end_.back() = bodies_.size();
+    for (std::size_t k = 0; k < islands_.count(); ++k) {
+      const auto start = static_cast<std::ptrdiff_t>(bodies_.size());
+      each_of(k, pairs, [&](int i) {
+        bodies_.push_back(i);
+        meets_[index(i)] = true;
+      });
+      std::sort(bodies_.begin() + start, bodies_.end());
+      bodies_.erase(std::unique(bodies_.begin() + start, bodies_.end()), bodies_.end());
+      end_.push_back(bodies_.size());
+    }
+    alone_.clear();
+    for (int i = 0; i < system_->size(); ++i) {
+      if (!meets_[index(i)] && !(*system_)[i].is_kinematic()) alone_.push_back(i);
     }
   }
 
   const System* system_;
   BroadPhase<S, System::bodies> broad_;
-  const std::vector<Candidate>* pairs_ = nullptr;  ///< that may meet
-  Ways reach_, ball_;  ///< how far bodies may get in the step, m; the same with their size
-  Ways fastest_;       ///< of each root, the way of its fastest body, m
-  PerBody<int, System::bodies> parent_, group_;
+  Islands<System> islands_;  ///< of the pairs that may meet
+  Ways reach_, ball_;        ///< how far bodies may get in the step, m; the same with their size
   PerBody<bool, System::bodies> meets_;
-  Reserved<std::pair<int, int>> members_;  ///< group, body
   Reserved<int> alone_, kinematic_, bodies_;
-  Reserved<std::size_t> end_;
+  Reserved<std::size_t> end_;  ///< of each group among bodies_
 };
 
 }  // namespace rbres::RBRES_ABI::detail

@@ -113,24 +113,24 @@ class ContinuousContact {
     start = y;
     const ContactTally<S> tally_before = tally;
     for (const int i : groups.alone()) y[i] = free_[i];
-    resting_.start_groups();
+    resting_.memory().start_groups();
     for (std::size_t k = 0; k < groups.count(); ++k) {
       bodies_ = groups[k];
       for (const int i : bodies_) y[i] = start[i];  // other groups have moved its kinematic bodies
-      resting_.start_group();
+      resting_.memory().start_group();
       S now = t;
       const S left = advance(forces, integrator, y, now, h, observer, tally,
                              [&](const auto& way) { return groups.hold(bodies_, start, y, way); });
       if (left > S(0) || impacts_.unresolved()) {
-        resting_.undo_groups();
+        resting_.memory().undo_groups();
         heard_.clear();
         y = start;
         tally = tally_before;
         return false;
       }
-      resting_.end_group();
+      resting_.memory().end_group();
     }
-    resting_.end_groups();
+    resting_.memory().end_groups();
     bodies_ = groups.kinematic();
     for (const int i : bodies_) free_[i] = start[i];
     detail::fly_each_on(*system_, bodies_, forces, integrator, free_, t, h, NoPush{});

@@ -54,14 +54,8 @@ class RestingContacts {
   }
   void end_step(const State& y) { last_ = y; }
 
-  /// A step that is done group by group, see ContactMemory.
-  /// @{
-  void start_groups() { memory_.start_groups(); }
-  void start_group() { memory_.start_group(); }
-  void end_group() { memory_.end_group(); }
-  void end_groups() { memory_.end_groups(); }
-  void undo_groups() { memory_.undo_groups(); }
-  /// @}
+  /// What they know of their forces.
+  ContactMemory<System>& memory() { return memory_; }
 
   /// Marks the points that touch, or nearly so, and move slowly; groups their pairs, of `bodies`, into
   /// islands. False where there are none.
@@ -175,7 +169,7 @@ class RestingContacts {
 
   /// How much deeper than at the start of a part the deepest point is in `flown`, where the contacts' forces
   /// have taken the bodies; 1: as deep as it may get. Of resting pairs, or of all. `in_crowd`: a new point
-  /// may end the part, which is cheap; else parts are so short there that runs do not hang on rounding.
+  /// may end the part, which is cheap; else parts are so short there that runs do not depend on rounding.
   S sunk(const Pairs& pairs, const State& flown, bool all, bool in_crowd) {
     at_end_.resize(pairs.size());
     S worst(0);
