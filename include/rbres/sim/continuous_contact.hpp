@@ -101,7 +101,7 @@ class ContinuousContact {
   template <class Model, class Integrator, class Observer>
   bool step_groups(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
                    Observer& observer, ContactTally<S>& tally) {
-    if (!in_crowd()) return false;
+    if (!in_crowd() || !(h > S(0))) return false;
     detail::StepGroups<System>& groups = apart_.groups;
     State& start = apart_.start;
     bodies_ = all();
