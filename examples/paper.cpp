@@ -3,6 +3,7 @@
 #include <rbres/io/scenario_data.hpp>
 
 #include "common/command_line.hpp"
+#include "paper/csv.hpp"
 #include "paper/figures.hpp"
 #include "paper/report.hpp"
 #include "paper/rollout.hpp"
@@ -49,13 +50,12 @@ void run(World world, const Plan& plan, const Store& store, Json& results) {
       part("floor-" + label, {{"scenarios_of_shares", count}, {"halved", plan.floor_scenarios}},
            [&] { return bench.floor(); });
   results["baselines"][label] = part("baselines-" + label, Json::object(), [&] { return bench.baselines(); });
-  for (const std::uint64_t seed : plan.law_seeds) {
-    const std::string name = law_part(label, seed);
-    results["laws"][label]["seed " + std::to_string(seed)] =
-        part(name, {{"scenarios_learned", plan.law.scenarios}, {"epochs", plan.law.epochs}},
-             [&] { return learn_contacts_of(bench, seed); });
-    remove_checkpoint(store, name);
-  }
+  for_laws(plan, world, Set, 0, [&](const LawUnit& law) {
+    results[law_results(law.kind)][label]["seed " + std::to_string(law.seed)] =
+        part(name(law), {{"scenarios_learned", plan.law.scenarios}, {"epochs", plan.law.epochs}},
+             [&] { return learn_contacts_of(bench, law); });
+    remove_checkpoint(store, name(law));
+  });
   for (const Unit* unit : units) {
     const std::string name = paper::name(*unit, plan);
     Json found = part(name, Json::object(), [&] {
@@ -132,13 +132,19 @@ int main(int argc, char** argv) {
       results["timing"][bench.label()] = time_methods(bench);
     });
     const std::string command = "rbres_paper" + std::string(quick ? " --quick" : "");
+    for (const Place& place : places(plan)) {
+      find_met(plan, results, place);
+      find_better(plan, results, place);
+    }
     write_text(store.folder() / "results.md", origin(command, commit) + report(plan, results));
+    write_csv(plan, results, store.folder() / "tables");
     write_text(store.folder() / "results.json", results.dump(1) + "\n");
     if (!json.empty()) write_text(json, results.dump(1) + "\n");
     summary_table(plan, results).print();
-    std::printf("\nAll tables: %s\nTheir numbers by name: %s\nModels: %s\n",
-                (store.folder() / "results.md").c_str(), (store.folder() / "results.json").c_str(),
-                (store.folder() / "models").c_str());
+    const auto at = [&](const char* file) { return (store.folder() / file).string(); };
+    std::printf("\nReport: %s\nAll tables: %s\nTheir numbers by name: %s\nModels: %s\n",
+                at("results.md").c_str(), at("tables").c_str(), at("results.json").c_str(),
+                at("models").c_str());
     draw_figures(plan, store, results);
   });
 }

@@ -18,10 +18,10 @@ constexpr double frame_time = 0.02, duration = 2;  // s
 
 }  // namespace
 
-template <BodySet Set>
-Law learn_law(World world, const LawProtocol& protocol, std::uint64_t seed,
-              const std::filesystem::path& checkpoint,
-              const std::function<void(const ContactLearningReport&)>& say) {
+template <LawKind Kind, BodySet Set>
+auto LawScenario<Kind, Set>::learn(World world, const LawProtocol& protocol, std::uint64_t seed,
+                                   const std::filesystem::path& checkpoint,
+                                   const std::function<void(const ContactLearningReport&)>& say) -> Law {
   // The tables' scenarios have lower numbers.
   constexpr std::uint64_t first = 1'000'000;
   const ScenarioSampler<Set> sampler(world, 1);
@@ -49,9 +49,9 @@ Law learn_law(World world, const LawProtocol& protocol, std::uint64_t seed,
   return training.law();
 }
 
-template <BodySet Set>
-void LawScenario<Set>::rollout(const State& y, const Wrenches& wrench, std::span<State> states,
-                               int present) const {
+template <LawKind Kind, BodySet Set>
+void LawScenario<Kind, Set>::rollout(const State& y, const Wrenches& wrench, std::span<State> states,
+                                     int present) const {
   const Body<double, ShapeOf<Set>> own = scenario_body<Set>();
   const Body<double> body(own.shape(), own.mass(), own.inertia(), own.material());
   const auto [gravity, friction, damping] = scenario_forces<Set>().models;
@@ -68,12 +68,9 @@ void LawScenario<Set>::rollout(const State& y, const Wrenches& wrench, std::span
   }
 }
 
-template struct LawScenario<BodySet::standard>;
-template struct LawScenario<BodySet::box>;
-template Law learn_law<BodySet::standard>(World, const LawProtocol&, std::uint64_t,
-                                          const std::filesystem::path&,
-                                          const std::function<void(const ContactLearningReport&)>&);
-template Law learn_law<BodySet::box>(World, const LawProtocol&, std::uint64_t, const std::filesystem::path&,
-                                     const std::function<void(const ContactLearningReport&)>&);
+template struct LawScenario<LawKind::alone, BodySet::standard>;
+template struct LawScenario<LawKind::alone, BodySet::box>;
+template struct LawScenario<LawKind::hybrid, BodySet::standard>;
+template struct LawScenario<LawKind::hybrid, BodySet::box>;
 
 }  // namespace paper

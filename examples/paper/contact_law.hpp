@@ -4,7 +4,7 @@
 
 #include <filesystem>
 #include <functional>
-#include <rbres/learn/contact_law.hpp>
+#include <rbres/learn/hybrid_law.hpp>
 #include <rbres/learn/learn_contacts.hpp>
 #include <rbres/paper/paper.hpp>
 #include <span>
@@ -14,24 +14,25 @@
 namespace paper {
 
 /// Impacts come one after the other, so that one round is enough.
-using Law = ContactLaw<48, 1>;
+template <LawKind Kind>
+using LawOf = std::conditional_t<Kind == LawKind::alone, ContactLaw<48, 1>, HybridLaw<48, 1>>;
 
-/// Learns from scenarios that no table is made of; resumes from the checkpoint where there is one, and leaves
-/// one every few seconds. Says after each epoch how far it is. Compiled once, as all of this file.
-template <BodySet Set>
-Law learn_law(World world, const LawProtocol& protocol, std::uint64_t seed,
-              const std::filesystem::path& checkpoint,
-              const std::function<void(const ContactLearningReport&)>& say);
-
-/// A law as a predictor of scenarios, frame by frame. The law must outlive it.
-template <BodySet Set>
+/// A law as a predictor of scenarios, frame by frame. The law must outlive it. Compiled once.
+template <LawKind Kind, BodySet Set>
 struct LawScenario {
   using State = SystemState<double, Scenario::most_bodies>;
   using Wrenches = std::array<Wrench<double>, Scenario::most_bodies>;
+  using Law = LawOf<Kind>;
 
   World world;
   const Law* law;
   double horizon;  ///< s
+
+  /// Learns from scenarios that no table is made of; resumes from the checkpoint where there is one, and
+  /// leaves one every few seconds. Says after each epoch how far it is.
+  static Law learn(World world, const LawProtocol& protocol, std::uint64_t seed,
+                   const std::filesystem::path& checkpoint,
+                   const std::function<void(const ContactLearningReport&)>& say);
 
   State operator()(const State& y, const Wrenches& wrench, int present) const {
     std::array<State, 1> next;
@@ -42,7 +43,16 @@ struct LawScenario {
   void rollout(const State& y, const Wrenches& wrench, std::span<State> states, int present) const;
 };
 
-extern template struct LawScenario<BodySet::standard>;
-extern template struct LawScenario<BodySet::box>;
+extern template struct LawScenario<LawKind::alone, BodySet::standard>;
+extern template struct LawScenario<LawKind::alone, BodySet::box>;
+extern template struct LawScenario<LawKind::hybrid, BodySet::standard>;
+extern template struct LawScenario<LawKind::hybrid, BodySet::box>;
+
+/// Calls with(std::integral_constant<LawKind, Kind>).
+template <class With>
+auto with_law(LawKind kind, const With& with) {
+  if (kind == LawKind::alone) return with(std::integral_constant<LawKind, LawKind::alone>{});
+  return with(std::integral_constant<LawKind, LawKind::hybrid>{});
+}
 
 }  // namespace paper

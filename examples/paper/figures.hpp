@@ -44,16 +44,19 @@ inline void draw_figures(const Plan& plan, const Store& store, const Json& resul
     std::vector<figures::LabelledPoints> methods;
     figures::LabelledPoints rk4{"RK4, discrete contacts", {}, {}, {}, true},
         continuous{"continuous contacts", {}, {}, {}}, trivial{"without contacts", {}, {}, {}},
-        networks{"networks", {}, {}, {}}, laws{law_name, {}, {}, {}};
+        networks{"networks", {}, {}, {}}, laws{"learned laws", {}, {}, {}};
     for (const auto& [method, m] : results["baselines"][label][std::to_string(h)].items()) {
       auto& group = method.starts_with("RK4") ? rk4 : method.starts_with("continuous") ? continuous : trivial;
       group.labels.push_back(method.starts_with("RK4") ? method.substr(4) : method);
       group.x.push_back(us(method));
       group.y.push_back(number(m["position"]));
     }
-    laws.labels.push_back(law_name);
-    laws.x.push_back(us(law_name));
-    laws.y.push_back(number(results["laws"][label].front()[std::to_string(h)]["position"]));
+    for_laws(plan, world, BodySet::standard, 1, [&](const LawUnit& law) {
+      const Json& found = results[law_results(law.kind)][label]["seed 1"][std::to_string(h)];
+      laws.labels.push_back(name(law.kind));
+      laws.x.push_back(us(name(law.kind)));
+      laws.y.push_back(number(found["position"]));
+    });
     for (const Unit& u : plan.units) {
       if (u.world != world || u.set != BodySet::standard || u.horizon != h || u.seed != 1) continue;
       const Json& m = results["networks"][name(u, plan)];

@@ -23,18 +23,15 @@ struct OverSeeds {
   std::string text() const { return digits(mean) + (count > 1 ? " ± " + digits(deviation) : ""); }
 };
 
-/// One method: a baseline, or a network of one protocol with its seeds.
+/// One method: a baseline, or what one protocol learned, with its seeds.
 struct Method {
   std::string name;        ///< as in timings
   std::string trained_on;  ///< scenarios: "20k" for a network, empty for a baseline
   std::vector<const Json*> seeds;
 
   bool is_network() const { return !trained_on.empty(); }
-  std::string title() const {
-    if (!is_network()) return name;
-    return name + ", " + trained_on +
-           (seeds.size() > 1 ? ", " + std::to_string(seeds.size()) + " seeds" : "");
-  }
+  /// The name, and of a network the number of scenarios that it learned from.
+  std::string method_title() const { return name + (is_network() ? ", " + trained_on : ""); }
   /// A figure over the seeds: value("/position").
   OverSeeds value(const std::string& pointer) const {
     std::vector<double> values;
@@ -63,21 +60,24 @@ inline std::vector<Method> methods_at(const Plan& plan, const Json& results, con
   std::vector<Method> all;
   for (const auto& [method, m] : results.at("baselines").at(place.label()).at(std::to_string(h)).items())
     all.push_back({method, "", {&m}});
-  Method law{law_name, std::to_string(plan.law.scenarios), {}};
-  for (const auto& [seed, m] : results.at("laws").at(place.label()).items())
-    law.seeds.push_back(&m.at(std::to_string(h)));
-  all.push_back(law);
-  for (const Unit& unit : plan.units) {
-    if (unit.world != place.world || unit.set != place.set || unit.horizon != h) continue;
-    const std::string trained_on = std::to_string(unit.protocol.scenarios / 1000) + "k";
-    const Json* found = &results.at("networks").at(name(unit, plan));
+  const auto add = [&](const std::string& method, const std::string& learned_from, const Json& found) {
     const auto same = std::find_if(all.begin(), all.end(), [&](const Method& m) {
-      return m.name == method_of(unit) && m.trained_on == trained_on;
+      return m.name == method && m.trained_on == learned_from;
     });
     if (same == all.end())
-      all.push_back({method_of(unit), trained_on, {found}});
+      all.push_back({method, learned_from, {&found}});
     else
-      same->seeds.push_back(found);
+      same->seeds.push_back(&found);
+  };
+  for_laws(plan, place.world, place.set, 0, [&](const LawUnit& law) {
+    const Json& found = results.at(law_results(law.kind)).at(place.label());
+    add(name(law.kind), std::to_string(plan.law.scenarios),
+        found.at("seed " + std::to_string(law.seed)).at(std::to_string(h)));
+  });
+  for (const Unit& unit : plan.units) {
+    if (unit.world != place.world || unit.set != place.set || unit.horizon != h) continue;
+    add(method_of(unit), std::to_string(unit.protocol.scenarios / 1000) + "k",
+        results.at("networks").at(name(unit, plan)));
   }
   return all;
 }

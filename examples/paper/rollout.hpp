@@ -52,9 +52,13 @@ Json roll_out(const Bench<Set>& bench) {
   follow("residual network", [&](const auto& y, const auto& wrench, auto& states, int present) {
     predictor.rollout(y, wrench, states, present);
   });
-  const Law law = load<Law>(bench.store.model(law_part(bench.label(), plan.law_seeds.front())));
-  follow(law_name, [&](const auto& y, const auto& wrench, auto& states, int present) {
-    LawScenario<Set>{bench.world, &law, step}.rollout(y, wrench, states, present);
+  for_laws(plan, bench.world, Set, 1, [&](const LawUnit& unit) {
+    with_law(unit.kind, [&](auto kind) {
+      const auto law = load<LawOf<kind()>>(bench.store.model(name(unit)));
+      follow(name(unit.kind), [&](const auto& y, const auto& wrench, auto& states, int present) {
+        LawScenario<kind(), Set>{bench.world, &law, step}.rollout(y, wrench, states, present);
+      });
+    });
   });
   follow("contact-free flow", [&](auto y, const auto& wrench, auto& states, int present) {
     const ContactFree flow{free_flow<Set>(), step};

@@ -71,13 +71,18 @@ Json time_methods(const Bench<Set>& bench) {
                          static_cast<double>(scenarios.size())});
       }
     });
-    const auto law = std::make_shared<const Law>(
-        load<Law>(bench.store.model(law_part(bench.label(), plan.law_seeds.front()))));
-    names.emplace_back(law_name, "us");
-    calls.push_back(
-        one_by_one(transitions, data.count(), [&, law](const auto& state, const auto& wrench, int present) {
-          return LawScenario<Set>{bench.world, law.get(), plan.horizons[h]}(state, wrench, present);
-        }));
+    for_laws(plan, bench.world, Set, 1, [&](const LawUnit& unit) {
+      with_law(unit.kind, [&](auto kind) {
+        using Law = LawOf<kind()>;
+        const auto law = std::make_shared<const Law>(load<Law>(bench.store.model(name(unit))));
+        names.emplace_back(name(unit.kind), "us");
+        calls.push_back(one_by_one(transitions, data.count(),
+                                   [&, h, law](const auto& state, const auto& wrench, int present) {
+                                     return LawScenario<kind(), Set>{
+                                         bench.world, law.get(), plan.horizons[h]}(state, wrench, present);
+                                   }));
+      });
+    });
     for (const Unit& unit : plan.units) {
       const bool here = unit.world == bench.world && unit.set == Set && unit.horizon == h && unit.seed == 1;
       if (!here) continue;

@@ -90,14 +90,14 @@ Json train_unit(const Unit& unit, const Bench<Set>& bench) {
   return found;
 }
 
-/// Learns the contact law of a place and measures it at all horizons.
-template <BodySet Set>
-Json learn_contacts_of(const Bench<Set>& bench, std::uint64_t seed) {
+/// Learns a contact law and measures it at all horizons.
+template <LawKind Kind, BodySet Set>
+Json learn_contacts_of(const Bench<Set>& bench, const LawUnit& unit) {
   const auto start = std::chrono::steady_clock::now();
-  const std::string part = law_part(bench.label(), seed);
+  const std::string part = name(unit);
   const LawProtocol& protocol = bench.plan.law;
-  std::printf("\n%s: %s, seed %d, from %d scenarios of 2 s\n", bench.label().c_str(), law_name,
-              static_cast<int>(seed), protocol.scenarios);
+  std::printf("\n%s: %s, seed %d, from %d scenarios of 2 s\n", bench.label().c_str(), name(Kind).c_str(),
+              static_cast<int>(unit.seed), protocol.scenarios);
   ProgressLine line;
   const auto say = [&](const ContactLearningReport& r) {
     const double done = r.share_done;
@@ -109,17 +109,24 @@ Json learn_contacts_of(const Bench<Set>& bench, std::uint64_t seed) {
                   r.epoch.validation_loss, clock_text(so_far * (1 / done - 1)).c_str());
     line.print(done, text);
   };
-  const Law law = learn_law<Set>(bench.world, protocol, seed, bench.store.beside(part, ".checkpoint"), say);
+  const auto law = LawScenario<Kind, Set>::learn(bench.world, protocol, unit.seed,
+                                                 bench.store.beside(part, ".checkpoint"), say);
   line.end();
   save(bench.store.model(part), law,
        {{"world", std::string(rbres::name(bench.world))},
         {"set", std::string(rbres::name(Set))},
         {"scenarios", std::string(scenario_version)}});
   Json found;
-  for (std::size_t h = 0; h < bench.plan.horizons.size(); ++h)
-    found[std::to_string(h)] = bench.method(h, LawScenario<Set>{bench.world, &law, bench.plan.horizons[h]});
+  for (std::size_t h = 0; h < bench.plan.horizons.size(); ++h) {
+    const LawScenario<Kind, Set> predict{bench.world, &law, bench.plan.horizons[h]};
+    found[std::to_string(h)] = bench.method(h, predict);
+  }
   found["seconds"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return found;
+}
+template <BodySet Set>
+Json learn_contacts_of(const Bench<Set>& bench, const LawUnit& unit) {
+  return with_law(unit.kind, [&](auto kind) { return learn_contacts_of<kind()>(bench, unit); });
 }
 
 /// Checkpoint and curve of a unit that is finished.

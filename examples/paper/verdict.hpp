@@ -1,6 +1,9 @@
 // What the tables say: where the paper's figures are met, and where the network is better than what.
 #pragma once
 
+#include <array>
+#include <map>
+
 #include "methods.hpp"
 
 namespace paper {
@@ -24,43 +27,26 @@ inline constexpr Quantity quantities[] = {{"position", "/position"},
                                           {"velocity", "/velocity"},
                                           {"angular velocity", "/angular_velocity"}};
 
-/// The longest horizon up to which each of the paper's four figures is met, for every method of a place, and
-/// for truth with its step halved. Also saved as results["met"].
-inline Table met_table(const Plan& plan, Json& results, const Place& place) {
-  Table table{place.label() + ": up to which horizon the paper's figures are met", {""}, {}, ""};
-  for (int q = 0; q < 4; ++q)
-    table.head.push_back(std::string(quantities[q].name) + " ≤ " + digits(claims[0].errors[q]));
-  struct Row {
-    std::string title;
-    bool still[4] = {true, true, true, true};
-    double until[4] = {};
-  };
-  std::vector<Row> rows;
+/// results["met"][place]: the longest horizon (s) up to which each of the paper's four figures is met, for
+/// every method of a place, and for truth with its step halved; 0 where it is not met at the shortest that
+/// the method was run at.
+inline void find_met(const Plan& plan, Json& results, const Place& place) {
+  Json& met = results["met"][place.label()];
+  std::map<std::string, std::array<bool, 4>> ended;
   for (std::size_t h = 0; h < plan.horizons.size(); ++h) {
     std::vector<Method> methods = methods_at(plan, results, place, h);
     methods.push_back(
         {"truth, step halved", "", {&results.at("floor").at(place.label()).at(std::to_string(h)).at("all")}});
     for (const Method& m : methods) {
-      const std::string title = m.name + (m.is_network() ? ", " + m.trained_on : "");
-      auto row = std::find_if(rows.begin(), rows.end(), [&](const Row& r) { return r.title == title; });
-      if (row == rows.end()) row = rows.insert(rows.end(), Row{title});
-      for (int q = 0; q < 4; ++q) {
-        row->still[q] = row->still[q] && m.value(quantities[q].pointer).mean <= claims[0].errors[q];
-        if (row->still[q]) row->until[q] = plan.horizons[h];
+      for (std::size_t q = 0; q < 4; ++q) {
+        Json& until = met[m.method_title()][quantities[q].name];
+        if (until.is_null()) until = 0.0;
+        bool& end = ended[m.method_title()][q];
+        end = end || !(m.value(quantities[q].pointer).mean <= claims[0].errors[q]);
+        if (!end) until = plan.horizons[h];
       }
     }
   }
-  Json& saved = results["met"][place.label()];
-  for (const Row& row : rows) {
-    std::vector<std::string> cells{row.title};
-    for (int q = 0; q < 4; ++q) {
-      cells.push_back(row.until[q] > 0 ? digits(row.until[q]) + " s" : "never");
-      saved[row.title][quantities[q].name] = row.until[q];
-    }
-    table.rows.push_back(cells);
-  }
-  table.note = "Horizons: those the method was run at; \"never\": not at the shortest of them.";
-  return table;
 }
 
 /// One method's error over a network's, seed by seed of the network.
@@ -74,12 +60,9 @@ inline OverSeeds error_ratio(const Method& other, const Method& network, const Q
   return OverSeeds(ratios);
 }
 
-/// The other methods' errors over the residual network's, by horizon. Also saved as results["better"].
-inline Table better_table(const Plan& plan, Json& results, const Place& place) {
-  Table table{place.label() + ": error of others over that of the residual network (K=4, residual target)",
-              {""},
-              {},
-              ""};
+/// results["better"][place][horizon]: the other methods' errors over those of the residual network (K = 4,
+/// residual target): above 1 the network is better.
+inline void find_better(const Plan& plan, Json& results, const Place& place) {
   const std::string ours = "residual K=4, residual target";
   for (std::size_t h = 0; h < plan.horizons.size(); ++h) {
     const std::vector<Method> methods = methods_at(plan, results, place, h);
@@ -87,24 +70,14 @@ inline Table better_table(const Plan& plan, Json& results, const Place& place) {
         std::find_if(methods.begin(), methods.end(), [&](const Method& m) { return m.name == ours; });
     if (network == methods.end()) continue;
     for (const Quantity& q : {quantities[0], quantities[2]}) {
-      table.head.push_back(digits(plan.horizons[h]) + " s, " + q.name);
-      for (auto& row : table.rows) row.emplace_back();
       for (const Method& other : methods) {
         if (&other == &*network || (other.is_network() && other.trained_on != network->trained_on)) continue;
-        auto row = std::find_if(table.rows.begin(), table.rows.end(),
-                                [&](const auto& r) { return r.front() == other.name; });
-        if (row == table.rows.end()) {
-          row = table.rows.insert(table.rows.end(), std::vector<std::string>(table.head.size()));
-          row->front() = other.name;
-        }
         const OverSeeds ratio = error_ratio(other, *network, q);
-        row->back() = ratio.text();
         results["better"][place.label()][digits(plan.horizons[h])][q.name][other.name] = {
             {"ratio", ratio.mean}, {"deviation", ratio.deviation}, {"seeds", ratio.count}};
       }
     }
   }
-  return table;
 }
 
 /// Up to which time the network's cumulative error is below that of RK4, step by step.
