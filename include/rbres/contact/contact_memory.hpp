@@ -108,9 +108,9 @@ class ContactMemory {
 
   int bodies_;
   Reserved<Entry, row_room<System>> last_, next_;
-  Reserved<Entry, room_for<System>(0)> step_,
-      groups_;          ///< of all groups: where the step began, and where those done end it
-  bool fresh_ = false;  ///< whether a group has found nothing yet
+  Reserved<Entry, room_for<System>(0)> step_;    ///< of all groups: where the step began
+  Reserved<Entry, room_for<System>(0)> groups_;  ///< the same: where those done end it
+  bool fresh_ = false;                           ///< whether a group has found nothing yet
 };
 
 }  // namespace rbres::RBRES_ABI::detail

@@ -79,12 +79,14 @@ std::string array_text(std::string_view name, const std::string& what, std::span
 /// Error naming the tensor where a weight of a network is not finite.
 template <class Network>
 void check_weights(const Network& network, const std::filesystem::path& path) {
-  const auto numbers = network.parameters();
-  for (const ParameterTensor& tensor : Network::tensors())
+  const auto block = network.parameters();
+  for (const ParameterTensor& tensor : Network::tensors()) {
+    std::vector<typename Network::Weight> numbers;
     for (int row = 0; row < tensor.rows; ++row)
       for (int column = 0; column < tensor.columns; ++column)
-        require_finite(text(path.string(), ": tensor '", tensor.name, "'"),
-                       &numbers[tensor.index(row, column)], 1);
+        numbers.push_back(block[tensor.index(row, column)]);
+    require_finite(text(path.string(), ": tensor '", tensor.name, "'"), numbers.data(), numbers.size());
+  }
 }
 
 /// The same array of numbers of half a float's size, as their bits.

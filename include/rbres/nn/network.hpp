@@ -51,7 +51,7 @@ class Network : public NetworkFunction<Network<T, Layers, W>, T, Layers, W> {
   using typename Function::Passes;
 
   /// All parameters zero.
-  Network() : parameters_(block_size) {}
+  Network() : parameters_(Function::block_size) {}
 
   /// Weights drawn from a normal distribution of variance 2 / inputs, biases zero (He, Zhang, Ren, Sun 2015,
   /// section 2.2); the weights of a LayerNorm one.
@@ -64,9 +64,10 @@ class Network : public NetworkFunction<Network<T, Layers, W>, T, Layers, W> {
         for (int c = 0; c < tensor.columns; ++c)
           parameters_[tensor.index(r, c)] = W(static_cast<T>(deviation * random.normal()));
     }
-    for (int s = 0; s < Compiled::stage_count; ++s)
-      if (Compiled::stage(s).has_norm)
-        std::fill_n(parameters_.data() + Passes::offset(s), Compiled::stage(s).outputs, W(T{1}));
+    for (int s = 0; s < Function::Compiled::stage_count; ++s)
+      if (Function::Compiled::stage(s).has_norm)
+        std::fill_n(parameters_.data() + Function::Passes::offset(s), Function::Compiled::stage(s).outputs,
+                    W(T{1}));
   }
 
   /// The same network with its parameters kept in another type, each rounded to the nearest.
@@ -78,25 +79,25 @@ class Network : public NetworkFunction<Network<T, Layers, W>, T, Layers, W> {
 
   /// The whole block. Numbers that no tensor names are filling and must stay zero.
   std::span<W> parameters() {
-    if (parameters_.size() == 0) parameters_ = AlignedBuffer<W>(block_size);
-    return {parameters_.data(), block_size};
+    if (parameters_.size() == 0) parameters_ = AlignedBuffer<W>(Function::block_size);
+    return {parameters_.data(), Function::block_size};
   }
   /// The same, to read only.
-  std::span<const W> parameters() const noexcept { return {block(), block_size}; }
+  std::span<const W> parameters() const noexcept { return {block(), Function::block_size}; }
 
   /// Every tensor, in the order of the block: weight and bias of each Linear and LayerNorm.
   static std::vector<ParameterTensor> tensors() {
     std::vector<std::string> names;
     detail::append_names(names, "", Layers{});
     std::vector<ParameterTensor> all;
-    for (int s = 0, layer = 0; s < Compiled::stage_count; ++s) {
-      const detail::Stage& stage = Compiled::stage(s);
+    for (int s = 0, layer = 0; s < Function::Compiled::stage_count; ++s) {
+      const detail::Stage& stage = Function::Compiled::stage(s);
       if (!stage.has_linear && !stage.has_norm) continue;
       const std::string& name = names[static_cast<std::size_t>(layer++)];
       all.push_back({name + ".weight", stage.has_norm, stage.outputs, stage.has_linear ? stage.inputs : 1,
-                     Passes::offset(s), detail::lanes<T>});
-      all.push_back({name + ".bias", true, stage.outputs, 1, Passes::offset(s) + Passes::weight_size(s),
-                     detail::lanes<T>});
+                     Function::Passes::offset(s), detail::lanes<T>});
+      all.push_back({name + ".bias", true, stage.outputs, 1,
+                     Function::Passes::offset(s) + Function::Passes::weight_size(s), detail::lanes<T>});
     }
     return all;
   }
@@ -105,8 +106,8 @@ class Network : public NetworkFunction<Network<T, Layers, W>, T, Layers, W> {
   friend Function;
   const W* block() const noexcept { return parameters_.size() == 0 ? zeros : parameters_.data(); }
 
-  alignas(64) static inline W zeros[block_size] = {};  ///< nobody writes them
-  AlignedBuffer<W> parameters_;                        ///< empty after a move
+  alignas(64) static inline W zeros[Function::block_size] = {};  ///< nobody writes them
+  AlignedBuffer<W> parameters_;                                  ///< empty after a move
 };
 
 }  // namespace rbres::RBRES_ABI
