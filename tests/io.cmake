@@ -29,6 +29,17 @@ if(TARGET nlohmann_json::nlohmann_json)
   target_sources(test_io_export_header PRIVATE ${exported})
   target_include_directories(test_io_export_header PRIVATE ${CMAKE_CURRENT_BINARY_DIR})
 
+  # A Cortex-M7 without operating system and heap, where its compiler and QEMU are.
+  find_program(RBRES_ARM_COMPILER arm-none-eabi-g++)
+  find_program(RBRES_ARM_EMULATOR qemu-system-arm)
+  if(RBRES_ARM_COMPILER AND RBRES_ARM_EMULATOR)
+    list(GET eigen_folders 0 eigen_folder)
+    add_test(NAME cortex_m7 COMMAND ${PROJECT_SOURCE_DIR}/examples/cortex_m7/run ${CMAKE_CURRENT_BINARY_DIR}/cortex_m7)
+    set_tests_properties(cortex_m7 PROPERTIES ENVIRONMENT "CXX=${CMAKE_CXX_COMPILER};EIGEN=${eigen_folder}")
+  else()
+    message(STATUS "arm-none-eabi-g++ or qemu-system-arm not found: no test on a Cortex-M7")
+  endif()
+
   # Debian's own Python has Debian's NumPy; one that comes first in PATH may not.
   find_program(RBRES_PYTHON python3 HINTS /usr/bin)
   if(RBRES_PYTHON)

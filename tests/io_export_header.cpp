@@ -5,6 +5,7 @@
 
 #include <doctest/doctest.h>
 
+#include "../examples/common/count_allocations.hpp"
 #include "exported_double.hpp"
 #include "exported_float.hpp"
 #include "exported_half.hpp"
@@ -15,8 +16,8 @@
 
 namespace {
 
-template <class Network>
-void check_same_bits(const Network& exported, const Network& original) {
+template <class Exported, class Network>
+void check_same_bits(const Exported& exported, const Network& original) {
   using Input = typename Network::Input;
   for (int i = 0; i < 20; ++i) {
     const Input x = Input::Random();
@@ -57,12 +58,15 @@ TEST_CASE("an exported network gives the same bits") {
   check_same_bits(exported_d::network(), exported_double());
   check_same_bits(exported_s::network(), exported_half());
   static_assert(exported_f::weights[0] != 0);
+  CHECK(exported_f::network().parameters().data() == exported_f::weights);
+  const auto copy = static_cast<decltype(exported_float())>(exported_f::network());
+  check_same_bits(copy, exported_float());
   static_assert(sizeof exported_s::weights * 2 == sizeof exported_f::weights);
 }
 
-TEST_CASE("an exported predictor gives the same bits") {
-  const auto exported = exported_p::predictor(), original = exported_predictor();
-  CHECK(exported.flow.system[2].is_kinematic());
+TEST_CASE("an exported predictor gives the same bits and takes nothing from the heap") {
+  const auto original = exported_predictor();
+  CHECK(exported_p::predictor().flow.system[2].is_kinematic());
   rbres::Random random(15);
   for (int i = 0; i < 20; ++i) {
     exported_p::Predictor::State y;
@@ -73,7 +77,11 @@ TEST_CASE("an exported predictor gives the same bits") {
       y[b].angular_velocity = {random.normal(), random.normal(), random.normal()};
       w[static_cast<std::size_t>(b)].force = {random.normal(), 0, 1};
     }
-    CHECK(exported.predict(y, w) == original.predict(y, w));
+    const auto expected = original.predict(y, w);
+    const long before = allocations;
+    const auto exported = exported_p::predictor();
+    CHECK(exported.predict(y, w) == expected);
+    CHECK(allocations == before);
     CHECK(!(original.predict(y, w) == original.flow(y, w, original.horizon)));
   }
 }

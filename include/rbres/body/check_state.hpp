@@ -21,7 +21,7 @@ void check_rigid_state(const RigidState<S>& state) {
   using std::sqrt;
   const S length = sqrt(squared_norm(state.orientation));
   if (!(abs(S(length - S(1))) < as<S>(1e-3)))
-    refuse("orientation", "a unit quaternion", text("one of length ", length));
+    refuse("orientation", "a unit quaternion", Line("one of length ", length));
 }
 
 /// Makes a quaternion unit; one that is, but for rounding, keeps its bits.

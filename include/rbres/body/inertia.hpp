@@ -18,16 +18,16 @@ struct PrincipalInertia {
 template <class S>
 void check_moments(const Vec3<S>& moments) {
   const S m[3] = {moments.x, moments.y, moments.z};
-  const auto found = detail::text("(", m[0], ", ", m[1], ", ", m[2], ")");
+  const auto found = [&] { return detail::Line("(", m[0], ", ", m[1], ", ", m[2], ")"); };
   for (int i = 0; i < 3; ++i) {
     if (!(m[i] > S(0)) || !is_finite(m[i]))
-      detail::refuse("inertia", "three positive moments (kg m^2)", found);
+      detail::refuse("inertia", "three positive moments (kg m^2)", found());
     detail::check_within("inertia", m[i], 1 / BodyLimits<S>::moment, BodyLimits<S>::moment, " kg m^2");
   }
   for (int i = 0; i < 3; ++i) {
     // Flat bodies reach equality, so rounding is let through.
     if (m[i] > (m[(i + 1) % 3] + m[(i + 2) % 3]) * (S(1) + S(8) * S(Constants<S>::epsilon))) {
-      detail::refuse("inertia", "no moment larger than the sum of the other two", found);
+      detail::refuse("inertia", "no moment larger than the sum of the other two", found());
     }
   }
 }

@@ -22,7 +22,7 @@ namespace detail {
 template <class S>
 void check_within(std::string_view what, const S& found, double least, double most, const char* unit) {
   if (!(found >= as<S>(least) && found <= as<S>(most)))
-    refuse(what, text("from ", least, " to ", most, unit), found);
+    refuse(what, Line("from ", least, " to ", most, unit), found);
 }
 
 /// Refuses what is no length of a body.

@@ -37,8 +37,8 @@ Vec3<S> angular_momentum(const Body<S, Shape>& body, const RigidState<S>& state)
 }
 
 /// Kinetic energy of all bodies, J.
-template <class S, int N, class Shape>
-S kinetic_energy(const System<S, N, Shape>& system, const SystemState<S, N>& states) {
+template <class S, int N, class Shape, int P>
+S kinetic_energy(const System<S, N, Shape, P>& system, const SystemState<S, N>& states) {
   detail::check_size(system, states);
   S sum(0);
   for (int i = 0; i < system.size(); ++i) sum += kinetic_energy(system[i], states[i]);
@@ -47,8 +47,8 @@ S kinetic_energy(const System<S, N, Shape>& system, const SystemState<S, N>& sta
 
 /// Potential energy of all bodies, J, under uniform gravity (world frame, m/s^2; of the states' scalar or a
 /// plain number's): the sum of -m dot(gravity, position), which is zero at the world's origin.
-template <class S, int N, class Shape, class T = S>
-S potential_energy(const System<S, N, Shape>& system, const SystemState<S, N>& states,
+template <class S, int N, class Shape, int P, class T = S>
+S potential_energy(const System<S, N, Shape, P>& system, const SystemState<S, N>& states,
                    const Vec3<T>& gravity) {
   detail::check_size(system, states);
   const Vec3<S> g{as<S>(gravity.x), as<S>(gravity.y), as<S>(gravity.z)};
@@ -58,14 +58,14 @@ S potential_energy(const System<S, N, Shape>& system, const SystemState<S, N>& s
 }
 
 /// Mechanical energy of all bodies, J: kinetic and potential, gravity as for potential_energy.
-template <class S, int N, class Shape, class T = S>
-S energy(const System<S, N, Shape>& system, const SystemState<S, N>& states, const Vec3<T>& gravity) {
+template <class S, int N, class Shape, int P, class T = S>
+S energy(const System<S, N, Shape, P>& system, const SystemState<S, N>& states, const Vec3<T>& gravity) {
   return kinetic_energy(system, states) + potential_energy(system, states, gravity);
 }
 
 /// Momentum of all bodies, world frame, kg m/s.
-template <class S, int N, class Shape>
-Vec3<S> linear_momentum(const System<S, N, Shape>& system, const SystemState<S, N>& states) {
+template <class S, int N, class Shape, int P>
+Vec3<S> linear_momentum(const System<S, N, Shape, P>& system, const SystemState<S, N>& states) {
   detail::check_size(system, states);
   Vec3<S> sum;
   for (int i = 0; i < system.size(); ++i) sum += linear_momentum(system[i], states[i]);
@@ -73,8 +73,8 @@ Vec3<S> linear_momentum(const System<S, N, Shape>& system, const SystemState<S, 
 }
 
 /// Angular momentum of all bodies about the world's origin, world frame, kg m^2/s.
-template <class S, int N, class Shape>
-Vec3<S> angular_momentum(const System<S, N, Shape>& system, const SystemState<S, N>& states) {
+template <class S, int N, class Shape, int P>
+Vec3<S> angular_momentum(const System<S, N, Shape, P>& system, const SystemState<S, N>& states) {
   detail::check_size(system, states);
   Vec3<S> sum;
   for (int i = 0; i < system.size(); ++i) sum += angular_momentum(system[i], states[i]);

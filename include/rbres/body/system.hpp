@@ -5,6 +5,7 @@
 #include <iterator>
 #include <rbres/body/body.hpp>
 #include <rbres/body/state.hpp>
+#include <rbres/core/fixed_list.hpp>
 #include <utility>
 #include <vector>
 
@@ -47,16 +48,17 @@ namespace detail {
 
 /// The planes with normals of length 1: a length off by 1e-5 would make energy. Throws Error where a normal
 /// is no unit vector, an offset not finite, or a material none.
-template <class S>
-std::vector<Plane<S>> checked_planes(std::vector<Plane<S>> planes) {
+template <class Planes>
+Planes checked_planes(Planes planes) {
+  using S = decltype(Planes::value_type::offset);
   if constexpr (std::is_floating_point_v<S>) {
     for (std::size_t i = 0; i < planes.size(); ++i) {
-      Plane<S>& p = planes[i];
+      auto& p = planes[i];
       const S length = norm(p.normal);
       naming([&] { return text("plane ", i, ", "); },
              [&] {
                if (!(std::abs(length - S(1)) < as<S>(1e-5)))
-                 refuse("normal", "a unit vector", text("one of length ", length));
+                 refuse("normal", "a unit vector", Line("one of length ", length));
                if (!is_finite(p.offset)) refuse("offset", "a finite number", p.offset);
                check_material(p.material);
              });
@@ -68,14 +70,14 @@ std::vector<Plane<S>> checked_planes(std::vector<Plane<S>> planes) {
 
 /// The pairs in order, each with its smaller index first. Throws Error for one that is no pair of so many
 /// bodies and planes.
-inline std::vector<std::array<int, 2>> checked_pairs(std::vector<std::array<int, 2>> pairs, int bodies,
-                                                     std::ptrdiff_t planes) {
+template <class Pairs>
+Pairs checked_pairs(Pairs pairs, int bodies, std::ptrdiff_t planes) {
   for (auto& [first, second] : pairs) {
     if (first > second) std::swap(first, second);
     if (second < 0 || second >= bodies || first >= second || first < -planes) {
       refuse("pair without contact",
-             text("two bodies from 0 to ", bodies - 1, ", or a plane from ", -planes, " to -1 and a body"),
-             text(first, " and ", second));
+             Line("two bodies from 0 to ", bodies - 1, ", or a plane from ", -planes, " to -1 and a body"),
+             Line(first, " and ", second));
     }
   }
   std::sort(pairs.begin(), pairs.end());
@@ -96,11 +98,15 @@ using PairWithoutContact = std::array<int, 2>;
 
 /// N bodies and the planes around them: everything that does not change while they move. A System is read
 /// only; where the bodies are stands in a SystemState. With N = dynamic it has as many bodies as it is given
-/// when the program runs; else all is the same. Throws Error where there is no body, a plane's normal is not
-/// a unit vector, or a pair that shall not collide is none.
-template <class S, int N, class Shape_ = AnyShape<S>>
+/// when the program runs; else all is the same. So with P, the number of planes that there is room for: where
+/// N and P are numbers, all that a run needs has its size in its type, and nothing allocates. Throws Error
+/// where there is no body, a plane's normal is not a unit vector, there are more planes than P, or a pair
+/// that shall not collide is none.
+template <class S, int N, class Shape_ = AnyShape<S>, int P = dynamic>
 class System {
   static_assert(N >= 1 || N == dynamic, "a System has at least one body");
+  static_assert(P == dynamic || (P >= 0 && N != dynamic),
+                "a System of N bodies has room for 0 planes or more");
 
  public:
   /// Its numbers.
@@ -113,11 +119,19 @@ class System {
   using State = SystemState<S, N>;
   /// How many there are, or dynamic; see size().
   static constexpr int bodies = N;
+  /// For how many planes there is room, or dynamic: for any number.
+  static constexpr int most_planes = P;
   /// Its bodies, one after the other.
   using Bodies = detail::BodyList<BodyType, N>;
+  /// Its planes.
+  using Planes = detail::ListOf<Plane<S>, P == dynamic ? std::dynamic_extent : std::size_t(P)>;
+  /// Pairs of them.
+  using PairsWithoutContact =
+      detail::ListOf<PairWithoutContact,
+                     P == dynamic ? std::dynamic_extent : std::size_t(N*(N - 1) / 2 + N * P)>;
 
   /// These bodies among these planes; without_contact are the pairs that shall not collide.
-  System(Bodies all, std::vector<Plane<S>> planes = {}, std::vector<PairWithoutContact> without_contact = {})
+  System(Bodies all, Planes planes = {}, PairsWithoutContact without_contact = {})
       : bodies_(std::move(all)),
         planes_(detail::checked_planes(std::move(planes))),
         without_contact_(detail::checked_pairs(std::move(without_contact), size(), std::ssize(planes_))) {
@@ -127,19 +141,18 @@ class System {
   /// A system of one shape where any shape may stand.
   template <class Other>
   requires(!std::is_same_v<Other, Shape_> && std::is_constructible_v<BodyType, const Body<S, Other>&>)
-      System(const System<S, N, Other>& other)
+      System(const System<S, N, Other, P>& other)
       : System(each(other, [](const auto& body) { return BodyType(body); }), other.planes(),
                other.without_contact()) {}
   /// N times the same body.
-  static System of(const BodyType& every, std::vector<Plane<S>> planes = {}) requires(N != dynamic) {
+  static System of(const BodyType& every, Planes planes = {}) requires(N != dynamic) {
     const auto repeat = [&]<std::size_t... I>(std::index_sequence<I...>) {
       return Bodies{((void)I, every)...};
     };
     return System(repeat(std::make_index_sequence<std::size_t(N)>{}), std::move(planes));
   }
   /// So many times the same body.
-  static System of(int count, const BodyType& every,
-                   std::vector<Plane<S>> planes = {}) requires(N == dynamic) {
+  static System of(int count, const BodyType& every, Planes planes = {}) requires(N == dynamic) {
     if (count < 1) detail::refuse("system", "a body or more", count);
     return System(Bodies(static_cast<std::size_t>(count), every), std::move(planes));
   }
@@ -156,7 +169,7 @@ class System {
   /// Body i, from 0.
   const BodyType& operator[](int i) const { return bodies_[static_cast<std::size_t>(i)]; }
   /// The planes, in the order in which they were given.
-  const std::vector<Plane<S>>& planes() const { return planes_; }
+  const Planes& planes() const { return planes_; }
 
   /// Whether two bodies may collide, or a plane and a body (-1 - p for plane p; the smaller index first).
   bool collides(int first, int second) const noexcept {
@@ -165,20 +178,20 @@ class System {
                                                            PairWithoutContact{first, second});
   }
   /// The pairs that are kept from colliding, in order, the smaller index first.
-  const std::vector<PairWithoutContact>& without_contact() const { return without_contact_; }
+  const PairsWithoutContact& without_contact() const { return without_contact_; }
 
   /// The same system in another scalar; packs get it in every lane.
   template <class T>
   auto cast() const {
-    std::vector<Plane<T>> planes;
+    using Other = System<T, N, typename detail::CastShape<Shape, T>::type, P>;
+    typename Other::Planes planes;
     for (const auto& plane : planes_) planes.push_back(plane.template cast<T>());
-    using Other = System<T, N, typename detail::CastShape<Shape, T>::type>;
     return Other(Other::each(*this, [](const auto& body) { return body.template cast<T>(); }),
                  std::move(planes), without_contact_);
   }
 
  private:
-  template <class, int, class>
+  template <class, int, class, int>
   friend class System;
   /// What f makes of each body of another system.
   template <class Other, class F>
@@ -194,12 +207,27 @@ class System {
     }
   }
   Bodies bodies_;
-  std::vector<Plane<S>> planes_;
-  std::vector<PairWithoutContact> without_contact_;  ///< sorted, the smaller index first
+  Planes planes_;
+  PairsWithoutContact without_contact_;  ///< sorted, the smaller index first
   bool any_kinematic_ = false;
 };
 
 namespace detail {
+
+/// `count` where a system's type says how many bodies and planes it has: room of which its type knows the
+/// size. Else that of a vector.
+template <class System>
+constexpr std::size_t room_for(std::size_t count) {
+  return System::most_planes == dynamic ? std::dynamic_extent : count;
+}
+/// The number of a system's bodies as a size; that of its planes.
+/// @{
+template <class System>
+constexpr std::size_t body_room = room_for<System>(static_cast<std::size_t>(System::bodies));
+template <class System>
+constexpr std::size_t plane_room = room_for<System>(static_cast<std::size_t>(System::most_planes));
+/// @}
+
 /// A state for a system, its numbers not set.
 template <class System>
 typename System::State state_of(const System& system) {
@@ -213,7 +241,7 @@ template <class System>
 void check_size(const System& system, const typename System::State& y) {
   if constexpr (System::bodies == dynamic) {
     if (y.size() != system.size())
-      refuse("state", text(system.size(), " bodies, as the system has"), y.size());
+      refuse("state", Line(system.size(), " bodies, as the system has"), y.size());
   }
 }
 }  // namespace detail

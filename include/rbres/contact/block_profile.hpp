@@ -9,9 +9,12 @@
 namespace rbres::RBRES_ABI::detail {
 
 /// A symmetric positive definite matrix of 6 x 6 blocks, one row of blocks for each body of an island, stored
-/// row by row from its first block that is not zero; its Cholesky factor stays within the same profile.
-template <class S>
+/// row by row from its first block that is not zero; its Cholesky factor stays within the same profile. Its
+/// type has room for so many bodies and numbers, or is told when the program runs.
+template <class S, std::size_t bodies = std::dynamic_extent, std::size_t numbers = std::dynamic_extent>
 class BlockProfile {
+  static constexpr std::size_t rows = bodies == std::dynamic_extent ? bodies : 6 * bodies;
+
  public:
   explicit BlockProfile(std::size_t most_bodies, std::size_t most_numbers) : capacity_(most_numbers) {
     first_.reserve(most_bodies);
@@ -59,7 +62,7 @@ class BlockProfile {
     }
   }
   /// Solves L L^T x = b in place.
-  void solve(Reserved<S>& b) const {
+  void solve(std::span<S> b) const {
     for (std::size_t i = 0; i < start_.size(); ++i) {
       const S* row = &numbers_[start_[i]];
       const std::size_t begin_i = begin(i);
@@ -78,8 +81,9 @@ class BlockProfile {
   std::size_t begin(std::size_t row) const { return 6 * first_[row / 6]; }
 
   std::size_t capacity_;
-  Reserved<std::size_t> first_, start_;
-  Reserved<S> numbers_;
+  Reserved<std::size_t, bodies> first_;
+  Reserved<std::size_t, rows> start_;
+  Reserved<S, numbers> numbers_;
 };
 
 }  // namespace rbres::RBRES_ABI::detail

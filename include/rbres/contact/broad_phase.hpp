@@ -52,9 +52,15 @@ void sweep(Balls& balls, const Position& position, const Reach& reach, const Fou
 }  // namespace detail
 
 /// Finds the pairs that may collide and whose bounding balls, grown by how far each body may move, overlap:
-/// sort and sweep along x. Pairs come out in order of (first, second).
-template <class S, int N>
+/// sort and sweep along x. Pairs come out in order of (first, second). P is the number of planes that there
+/// is room for, as of a System.
+template <class S, int N, int P = dynamic>
 class BroadPhase {
+  static constexpr std::size_t room =
+      P == dynamic ? std::dynamic_extent
+                   : detail::most_pairs(static_cast<std::size_t>(N), static_cast<std::size_t>(P));
+  using Pairs = detail::Reserved<Candidate, room>;
+
  public:
   /// Few bodies are compared one by one, and so are lanes, which would be sorted differently.
   static constexpr bool sweeps = (N == dynamic || N > 16) && ScalarTraits<S>::lanes == 1;
@@ -71,8 +77,8 @@ class BroadPhase {
 
   /// `reach` is each body's bounding radius plus the way it may go (m).
   template <class System>
-  const std::vector<Candidate>& find(const System& system, const SystemState<S, N>& state,
-                                     const detail::PerBody<S, N>& reach) {
+  const Pairs& find(const System& system, const SystemState<S, N>& state,
+                    const detail::PerBody<S, N>& reach) {
     using detail::Partners;
     const auto reach_of = [&](int i) -> const S& { return reach[static_cast<std::size_t>(i)]; };
     pairs_.clear();
@@ -85,9 +91,8 @@ class BroadPhase {
   }
   /// The same pairs among `bodies` alone, whose indices rise.
   template <class System>
-  const std::vector<Candidate>& find(const System& system, const SystemState<S, N>& state,
-                                     const detail::PerBody<S, N>& reach,
-                                     std::span<const int> bodies) requires(N == dynamic && sweeps) {
+  const Pairs& find(const System& system, const SystemState<S, N>& state, const detail::PerBody<S, N>& reach,
+                    std::span<const int> bodies) requires(N == dynamic && sweeps) {
     const auto reach_of = [&](int i) -> const S& { return reach[static_cast<std::size_t>(i)]; };
     if (bodies.size() == all_.size()) return find(system, state, reach);
     pairs_.clear();
@@ -123,8 +128,8 @@ class BroadPhase {
   }
 
   detail::PerBody<Ball, N> all_;  ///< in order along x, and so are some_
-  detail::Reserved<Ball> some_;
-  detail::Reserved<Candidate> pairs_;
+  detail::Reserved<Ball, N == dynamic ? std::dynamic_extent : 0> some_;
+  Pairs pairs_;
 };
 
 }  // namespace rbres::RBRES_ABI

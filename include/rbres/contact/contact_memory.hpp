@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <rbres/contact/contact_rows.hpp>
 #include <rbres/core/reserved.hpp>
+#include <span>
 
 namespace rbres::RBRES_ABI::detail {
 
@@ -99,16 +100,17 @@ class ContactMemory {
            static_cast<long>(row.point);
   }
   const Entry* find(long key) const {
-    const auto& known = fresh_ ? step_ : last_;
+    const auto known = fresh_ ? std::span<const Entry>(step_) : std::span<const Entry>(last_);
     const auto at = std::lower_bound(known.begin(), known.end(), key,
                                      [](const Entry& entry, long k) { return entry.key < k; });
     return at != known.end() && at->key == key ? &*at : nullptr;
   }
 
   int bodies_;
-  Reserved<Entry> last_, next_;
-  Reserved<Entry> step_, groups_;  ///< of all groups: where the step began, and where those done end it
-  bool fresh_ = false;             ///< whether a group has found nothing yet
+  Reserved<Entry, row_room<System>> last_, next_;
+  Reserved<Entry, room_for<System>(0)> step_;    ///< of all groups: where the step began
+  Reserved<Entry, room_for<System>(0)> groups_;  ///< the same: where those done end it
+  bool fresh_ = false;                           ///< whether a group has found nothing yet
 };
 
 }  // namespace rbres::RBRES_ABI::detail

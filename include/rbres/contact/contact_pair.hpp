@@ -4,6 +4,7 @@
 #include <rbres/contact/detect.hpp>
 #include <rbres/contact/impact.hpp>
 #include <rbres/contact/near_pairs.hpp>
+#include <rbres/core/reserved.hpp>
 
 namespace rbres::RBRES_ABI {
 namespace detail {
@@ -50,6 +51,7 @@ struct ContactPair {
   S rest_speed;   ///< slower impacts do not bounce, m/s
   S still;        ///< points that open slower than this do not part, m/s
 
+  ContactPair() = default;
   ContactPair(const System& system, const Candidate& candidate, const S& rest)
       : who(candidate),
         moved(moved_of(system, candidate)),
@@ -108,6 +110,21 @@ struct ContactPair {
     return dot(contact.normal, v);
   }
 };
+
+/// The pairs of a part of a step.
+template <class System>
+using ContactPairs = Reserved<ContactPair<System>, pair_room<System>>;
+
+/// For how many contact points there is room: twice what equal balls can reach, none of which has more than
+/// twelve neighbours.
+template <class System>
+constexpr std::size_t most_rows(std::size_t bodies, std::size_t planes) {
+  return ContactPair<System>::points * (std::min(bodies * (bodies - 1) / 2, 12 * bodies) + bodies * planes);
+}
+/// Of a system's type.
+template <class System>
+constexpr std::size_t row_room = room_for<System>(most_rows<System>(
+    static_cast<std::size_t>(System::bodies), static_cast<std::size_t>(System::most_planes)));
 
 }  // namespace detail
 }  // namespace rbres::RBRES_ABI

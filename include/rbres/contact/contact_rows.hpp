@@ -39,8 +39,8 @@ class ContactRows {
   };
 
   explicit ContactRows(const System& system)
-      : newton_(system, most_rows(system)), used_(per_body<MaskOf<S>>(system)) {
-    rows_.reserve(most_rows(system));
+      : newton_(system, rows_of(system)), used_(per_body<MaskOf<S>>(system)) {
+    rows_.reserve(rows_of(system));
   }
 
   std::size_t capacity() const { return rows_.capacity(); }
@@ -211,10 +211,8 @@ class ContactRows {
     return open | working;
   }
 
-  /// Twice what equal balls can reach: none has more than twelve neighbours.
-  static std::size_t most_rows(const System& system) {
-    const auto N = static_cast<std::size_t>(system.size());
-    return Pair::points * (std::min(N * (N - 1) / 2, 12 * N) + N * system.planes().size());
+  static std::size_t rows_of(const System& system) {
+    return most_rows<System>(static_cast<std::size_t>(system.size()), system.planes().size());
   }
   template <class F>
   static void with(Row& row, Motions& motion, const F& f) {
@@ -227,7 +225,7 @@ class ContactRows {
   }
 
   IslandNewton<System> newton_;
-  Reserved<Row> rows_;
+  Reserved<Row, row_room<System>> rows_;
   PerBody<MaskOf<S>, System::bodies> used_;  ///< by a pair
   S tolerance_{0};
 };

@@ -42,7 +42,7 @@ class Impacts {
   /// counts pairs. Calls note(who, normal, point, impulse) for each point that may have taken part (world
   /// frame, m and N s).
   template <class Note>
-  MaskOf<S> resolve(const BodyIndices<System::bodies>& bodies, Reserved<Pair>& pairs, Motions& motion,
+  MaskOf<S> resolve(const BodyIndices<System::bodies>& bodies, ContactPairs<System>& pairs, Motions& motion,
                     CountOf<S>& count, const Note& note) {
     MaskOf<S> changed(false);
     for (const int i : bodies) changed_[std::size_t(i)] = changed;
@@ -78,9 +78,10 @@ class Impacts {
     MaskOf<S> joins;    ///< is solved together with its neighbours
     Surface<S> surface;
   };
+  using Infos = Reserved<ImpactPoint<S>, row_room<System>>;
   struct IslandImpact {
     ContactRows<System>& rows;
-    Reserved<ImpactPoint<S>>& info;
+    Infos& info;
     Motions& motion;
     S tolerance;
 
@@ -100,7 +101,7 @@ class Impacts {
   };
 
   /// Finds the pairs that have an impact, and their islands. False where there is none.
-  bool find_hits(const Reserved<Pair>& pairs, const Motions& motion, bool last) {
+  bool find_hits(const ContactPairs<System>& pairs, const Motions& motion, bool last) {
     hit_.resize(pairs.size());
     MaskOf<S> none(false), found(false);
     for (std::size_t k = 0; k < pairs.size(); ++k) {
@@ -151,7 +152,7 @@ class Impacts {
   }
 
   template <class Note>
-  void resolve_island(std::span<const std::size_t> island, Reserved<Pair>& pairs, Motions& motion,
+  void resolve_island(std::span<const std::size_t> island, ContactPairs<System>& pairs, Motions& motion,
                       const Note& note) {
     using std::abs;
     MaskOf<S> hit(false);
@@ -241,9 +242,9 @@ class Impacts {
   MaskOf<S> unresolved_{false};
   Islands<System> islands_;
   ContactRows<System> rows_;
-  Reserved<ImpactPoint<S>> info_;
-  Reserved<Vec3<S>> where_;  ///< they are, where somebody listens
-  Reserved<Hit> hit_;
+  Infos info_;
+  Reserved<Vec3<S>, row_room<System>> where_;  ///< they are, where somebody listens
+  Reserved<Hit, pair_room<System>> hit_;
   MaskOf<S> shared_{false};  ///< where two pairs that have an impact share a body
 };
 

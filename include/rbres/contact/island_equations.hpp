@@ -8,6 +8,7 @@
 #include <rbres/contact/impulse.hpp>
 #include <rbres/contact/near_pairs.hpp>
 #include <rbres/core/reserved.hpp>
+#include <span>
 
 namespace rbres::RBRES_ABI::detail {
 
@@ -22,6 +23,13 @@ struct PointJacobian {
   std::size_t first, second;                ///< the bodies' places in the island
   std::array<Line, 3> on_first, on_second;  ///< on_first is not read where contacts move one body alone
 };
+
+/// Of a factorisation: an island of 9 bodies in a heap, or of some 100 in a row. Larger ones take as many
+/// numbers, too.
+inline constexpr std::size_t most_products = 40'000, most_numbers = 10'000;
+constexpr std::size_t most_numbers_of(std::size_t bodies) {
+  return std::min(6 * bodies * (6 * bodies + 1) / 2, most_numbers);
+}
 
 /// The linear equations of one step of Newton's method over the velocities of an island's bodies,
 ///   (M + sum of J^T slope J) dv = sum of J^T push - M moved,
@@ -102,7 +110,7 @@ class IslandEquations {
   }
 
   /// The bodies that have been named, in the order of their places.
-  const std::vector<int>& bodies() const { return bodies_; }
+  std::span<const int> bodies() const { return bodies_; }
 
   /// Nothing has moved.
   void stay() { std::fill(moved_.begin(), moved_.end(), S(0)); }
@@ -177,12 +185,9 @@ class IslandEquations {
   }
 
  private:
-  /// Of a factorisation: an island of 9 bodies in a heap, or of some 100 in a row. Larger ones take as many
-  /// numbers, too.
-  static constexpr std::size_t most_products = 40'000, most_numbers = 10'000;
-  static constexpr std::size_t most_numbers_of(std::size_t bodies) {
-    return std::min(6 * bodies * (6 * bodies + 1) / 2, most_numbers);
-  }
+  static constexpr std::size_t room = body_room<System>;
+  static constexpr std::size_t number_room = room_for<System>(6 * room);
+  using Matrix = BlockProfile<S, room, room_for<System>(most_numbers_of(room))>;
   struct Inertia {
     S mass;
     Mat3<S> tensor;  ///< world frame
@@ -224,12 +229,12 @@ class IslandEquations {
   }
 
   PerBody<std::size_t, System::bodies> place_;
-  Reserved<int> bodies_;
-  Reserved<std::size_t> first_;
-  Reserved<Inertia> inertia_;
-  BlockProfile<S> matrix_;
-  Reserved<S> step_;   ///< right side, then the step of the bodies' velocities
-  Reserved<S> moved_;  ///< by the steps so far
+  Reserved<int, room> bodies_;
+  Reserved<std::size_t, room> first_;
+  Reserved<Inertia, room> inertia_;
+  Matrix matrix_;
+  Reserved<S, number_room> step_;   ///< right side, then the step of the bodies' velocities
+  Reserved<S, number_room> moved_;  ///< by the steps so far
 };
 
 }  // namespace rbres::RBRES_ABI::detail

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <rbres/contact/contact_pair.hpp>
 #include <rbres/contact/island_equations.hpp>
 
 namespace rbres::RBRES_ABI::detail {
@@ -33,12 +34,14 @@ class IslandNewton {
     if (!take_up(rows, motion)) return false;
     constexpr int rounds = 60, patience = 8, newton_steps = 30;
     MaskOf<S> working = where;
+    double stiffness = 10;
     S pace(1);  // at which cones follow their normal impulses
     S mark(std::numeric_limits<typename Constants<S>::Real>::max());
     best_ = mark;
     for (int round = 1; round <= rounds; ++round) {
       // Soft at first, or Newton's method would hunt for the points that touch.
-      stiffness_ = as<S>(std::min(hardest, 10 * std::pow(10.0, round)));
+      stiffness = std::min(hardest, 10 * stiffness);
+      stiffness_ = as<S>(stiffness);
       const S worst = read(rows, motion, friction, round == 1 ? S(1) : pace);
       keep_best(worst);
       working = working & (worst > tolerance);
@@ -249,8 +252,8 @@ class IslandNewton {
   }
 
   S stiffness_, best_;  ///< rho times a point's response; the least fault so far, m/s
-  Reserved<RowState> rows_;
-  Reserved<Motion<S>> start_;  ///< of the equations' bodies before the first round
+  Reserved<RowState, row_room<System>> rows_;
+  Reserved<Motion<S>, body_room<System>> start_;  ///< of the equations' bodies before the first round
   IslandEquations<System> equations_;
 };
 

@@ -78,8 +78,8 @@ class Islands {
     return i;
   }
 
-  Reserved<Pair> pairs_;
-  Reserved<std::size_t> order_;
+  Reserved<Pair, pair_room<System>> pairs_;
+  Reserved<std::size_t, pair_room<System>> order_;
   PerBody<std::size_t, System::bodies> parent_, end_;
   PerBody<std::size_t, System::bodies> island_, size_;  ///< of each root the island, of each island its pairs
   std::size_t count_ = 0;

@@ -24,6 +24,10 @@ template <class System>
 std::size_t most_pairs(const System& system) {
   return most_pairs(static_cast<std::size_t>(system.size()), system.planes().size());
 }
+/// Of a system's type.
+template <class System>
+constexpr std::size_t pair_room = room_for<System>(most_pairs(static_cast<std::size_t>(System::bodies),
+                                                              static_cast<std::size_t>(System::most_planes)));
 
 /// A pair whose bounding balls overlap.
 template <class S>

@@ -13,9 +13,8 @@ template <class System>
 class PairSearch {
   using S = typename System::Scalar;
   using State = typename System::State;
-  using Pair = ContactPair<System>;
   using Bodies = BodyIndices<System::bodies>;
-  using Broad = BroadPhase<S, System::bodies>;
+  using Broad = BroadPhase<S, System::bodies, System::most_planes>;
 
  public:
   using Ways = PerBody<S, System::bodies>;  ///< m
@@ -42,7 +41,7 @@ class PairSearch {
     return way_;
   }
   /// The pairs that may touch on these ways, in the lanes `running`.
-  Reserved<Pair>& find(const Bodies& bodies, const State& from, const MaskOf<S>& running) {
+  ContactPairs<System>& find(const Bodies& bodies, const State& from, const MaskOf<S>& running) {
     constexpr auto nan = std::numeric_limits<typename Constants<S>::Real>::quiet_NaN();
     for (const int i : bodies) {
       // Nothing meets a body whose reach is NaN: lanes that are done need no pairs.
@@ -50,7 +49,7 @@ class PairSearch {
       reach_[index(i)] = select(running, S(ball + way_[index(i)]), S(nan));
     }
     pairs_.clear();
-    const auto add = [&](const std::vector<Candidate>& found) {
+    const auto add = [&](const auto& found) {
       for (const Candidate& who : found) pairs_.emplace_back(*system_, who, rest_speed_);
     };
     if constexpr (System::bodies == dynamic && Broad::sweeps) {
@@ -88,14 +87,14 @@ class PairSearch {
   const System* system_;
   S rest_speed_;
   Broad broad_;
-  Reserved<Pair> pairs_;
+  ContactPairs<System> pairs_;
   Ways way_, wanted_;  ///< wanted_: by contact forces
   Ways reach_;         ///< of each body with its way
 };
 
 /// Notes how fast the pairs' points open.
 template <class System>
-void measure_speeds(const MotionsOf<System>& motion, Reserved<ContactPair<System>>& pairs) {
+void measure_speeds(const MotionsOf<System>& motion, ContactPairs<System>& pairs) {
   for (ContactPair<System>& pair : pairs) {
     for (std::size_t i = 0; i < ContactPair<System>::points; ++i)
       pair.speed[i] = pair.opening(pair.manifold, i, motion);
@@ -104,7 +103,7 @@ void measure_speeds(const MotionsOf<System>& motion, Reserved<ContactPair<System
 /// Notes how the pairs meet in a state with these motions; points touch in the lanes `where` at most.
 template <class System>
 void measure(const System& system, const typename System::State& y, const MotionsOf<System>& motion,
-             const MaskOf<typename System::Scalar>& where, Reserved<ContactPair<System>>& pairs) {
+             const MaskOf<typename System::Scalar>& where, ContactPairs<System>& pairs) {
   for (ContactPair<System>& pair : pairs) {
     pair.find(system, y, pair.manifold);
     for (std::size_t i = 0; i < ContactPair<System>::points; ++i)

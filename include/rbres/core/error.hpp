@@ -1,13 +1,11 @@
 #pragma once
 
-#include <array>
 #include <atomic>
-#include <charconv>
 #include <cstddef>
 #include <cstdio>
 #include <cstdlib>
 #include <rbres/core/abi.hpp>
-#include <sstream>
+#include <rbres/core/text.hpp>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -24,43 +22,24 @@ class Error : public std::runtime_error {
 
 /// What files compiled without exceptions call in place of throwing an Error, with its words. It must not
 /// return: where it does, and where it is null, as it is at first, the words go to stderr and the program
-/// aborts.
+/// aborts. (Without an operating system there is no stderr.) Words beyond 511 characters are cut.
 inline std::atomic<void (*)(const char* what)> error_handler{nullptr};
 
 }  // namespace rbres
 
 namespace rbres::RBRES_ABI::detail {
 
-/// Concatenates anything that streams, with enough digits to tell two doubles apart.
+/// Throws Error of these parts of a text, see append_text(); without exceptions, see error_handler.
 template <class... Parts>
-std::string text(const Parts&... parts) {
-  std::ostringstream out;
-  out.precision(12);
-  (out << ... << parts);
-  return out.str();
-}
-
-/// The shortest text that reads back as the same number.
-inline std::string exact(double x) {
-  std::array<char, 32> text;
-#if defined(_LIBCPP_VERSION) && _LIBCPP_VERSION < 14000  // has no to_chars of doubles
-  for (int digits = 1; digits <= 17; ++digits) {
-    std::snprintf(text.data(), text.size(), "%.*g", digits, x);
-    if (std::strtod(text.data(), nullptr) == x) break;
-  }
-  return text.data();
-#else
-  return {text.data(), std::to_chars(text.data(), text.data() + text.size(), x).ptr};
-#endif
-}
-
-/// Throws Error(what); without exceptions, see error_handler.
-[[noreturn]] inline void fail(const std::string& what) {
+[[noreturn]] void fail(const Parts&... parts) {
 #if RBRES_HAS_EXCEPTIONS
-  throw Error(what);
+  throw Error(text(parts...));
 #else
+  const Line what(parts...);
   if (const auto handler = error_handler.load()) handler(what.c_str());
+#if defined(__unix__) || defined(__APPLE__) || defined(_WIN32)
   std::fprintf(stderr, "rbres: %s\n", what.c_str());
+#endif
   std::abort();
 #endif
 }
@@ -82,15 +61,15 @@ void attempt(const F& f, [[maybe_unused]] const Otherwise& otherwise) {
 /// Throws "WHAT: expected EXPECTED, found FOUND".
 template <class Found>
 [[noreturn]] void refuse(std::string_view what, std::string_view expected, const Found& found) {
-  fail(text(what, ": expected ", expected, ", found ", found));
+  fail(what, ": expected ", expected, ", found ", found);
 }
 
 /// Error where `all` things do not have the numbers first ... first + count - 1.
 inline void check_range(std::string_view things, std::ptrdiff_t all, std::ptrdiff_t first,
                         std::ptrdiff_t count) {
   if (first < 0 || first > all || count < 0 || count > all - first)
-    refuse(things, text("some of ", all, ", the first of which is 0"),
-           text(count, ", the first of which is ", first));
+    refuse(things, Line("some of ", all, ", the first of which is 0"),
+           Line(count, ", the first of which is ", first));
 }
 
 /// Calls f(); what it refuses begins with who(), such as "plane 1, ", which says whose fault it is. Without
@@ -101,7 +80,7 @@ decltype(auto) naming([[maybe_unused]] const Who& who, const F& f) {
   try {
     return f();
   } catch (const Error& fault) {
-    fail(text(who(), fault.what()));
+    fail(who(), fault.what());
   }
 #else
   return f();

@@ -1,14 +1,19 @@
 #pragma once
 
 #include <rbres/core/abi.hpp>
+#include <rbres/core/fixed_list.hpp>
+#include <span>
 #include <vector>
 
 namespace rbres::RBRES_ABI::detail {
 
-/// A vector that is given its capacity once, and whose copies have it too: what is filled in a loop that must
-/// not allocate.
+/// What is filled in a loop that must not allocate: a list whose room its type knows.
+template <class T, std::size_t most = std::dynamic_extent>
+class Reserved : public FixedList<T, most> {};
+
+/// A vector that is given its capacity once, and whose copies have it too.
 template <class T>
-class Reserved : public std::vector<T> {
+class Reserved<T, std::dynamic_extent> : public std::vector<T> {
   using Base = std::vector<T>;
 
  public:

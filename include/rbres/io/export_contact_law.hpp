@@ -12,7 +12,9 @@ void export_law(const Law& law, const std::filesystem::path& path, std::string_v
   using T = typename Law::Scalar;
   using Net = typename Law::Network;
   check_namespace_name(name);
-  const std::string weights = weights_text(law.network, path);
+  check_weights(law.network, path);
+  const std::span<const T> block = std::as_const(law.network).parameters();
+  const std::string weights = array_text<T>("weights", path.string(), block);
   constexpr std::size_t features = static_cast<std::size_t>(Net::inputs);
   const std::array<double, 4> numbers{law.scales.frame_time, law.scales.speed, law.scales.margin, law.weight};
   AtomicFile file(path);
@@ -25,7 +27,7 @@ void export_law(const Law& law, const std::filesystem::path& path, std::string_v
       array_text<T>("input_deviation", path.string(), {law.input.deviation.data(), features}),
       "// Frame time (s), speed (m/s), margin (m), strength of a correction.\n",
       array_text<double>("scales", path.string(), numbers), "\ninline Law law() {\n  Law law;\n",
-      weights_reader<T>("Law::Network", "law.network"),
+      "  std::copy(std::begin(weights), std::end(weights), law.network.parameters().begin());\n"
       "  for (int i = 0; i < Law::Network::inputs; ++i) {\n    law.input.mean[i] = input_mean[i];\n"
       "    law.input.deviation[i] = input_deviation[i];\n  }\n"
       "  law.scales = {.frame_time = scales[0], .speed = scales[1], .margin = scales[2], .moment = "

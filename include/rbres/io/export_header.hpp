@@ -17,7 +17,7 @@
 #include <rbres/io/architecture.hpp>
 #include <rbres/io/atomic_file.hpp>
 #include <rbres/io/safetensors.hpp>
-#include <rbres/nn/network.hpp>
+#include <rbres/nn/constant_network.hpp>
 
 namespace rbres::RBRES_ABI {
 
@@ -76,20 +76,17 @@ std::string array_text(std::string_view name, const std::string& what, std::span
   return out.str();
 }
 
-/// The weights of a network, tensor by tensor and row by row.
+/// Error naming the tensor where a weight of a network is not finite.
 template <class Network>
-std::vector<typename Network::Weight> exported_weights(const Network& network,
-                                                       const std::filesystem::path& path) {
-  std::vector<typename Network::Weight> numbers;
+void check_weights(const Network& network, const std::filesystem::path& path) {
+  const auto block = network.parameters();
   for (const ParameterTensor& tensor : Network::tensors()) {
-    const auto first = std::ssize(numbers);
+    std::vector<typename Network::Weight> numbers;
     for (int row = 0; row < tensor.rows; ++row)
       for (int column = 0; column < tensor.columns; ++column)
-        numbers.push_back(network.parameters()[tensor.index(row, column)]);
-    require_finite(text(path.string(), ": tensor '", tensor.name, "'"), numbers.data() + first,
-                   numbers.size() - static_cast<std::size_t>(first));
+        numbers.push_back(block[tensor.index(row, column)]);
+    require_finite(text(path.string(), ": tensor '", tensor.name, "'"), numbers.data(), numbers.size());
   }
-  return numbers;
 }
 
 /// The same array of numbers of half a float's size, as their bits.
@@ -110,26 +107,21 @@ std::string network_text(const Network<T, Layers, W>&) {
               std::is_same_v<T, W> ? ">" : ", rbres::bfloat16>");
 }
 
-/// The array `weights` of what a network's weights are kept in. Error naming the path where one is not
-/// finite.
-template <class Network>
-std::string weights_text(const Network& network, const std::filesystem::path& path) {
-  const auto weights = exported_weights(network, path);
-  if constexpr (std::is_same_v<typename Network::Weight, bfloat16>) {
-    return array_text("weights", weights);
+/// A network as the array `weights` of all its parameters, in the order of its block, and the type `Network`
+/// that reads them there. Error naming the path where one is not finite.
+template <class T, class Layers, class W>
+std::string constant_network_text(const Network<T, Layers, W>& network, const std::filesystem::path& path) {
+  check_weights(network, path);
+  const std::span<const W> block = network.parameters();
+  const std::string type =
+      text("using Network = rbres::ConstantNetwork<", network_text(network), ", weights>;\n");
+  if constexpr (std::is_same_v<T, W>) {
+    return text("alignas(64) ", array_text<T>("weights", path.string(), block), type);
   } else {
-    return array_text<typename Network::Weight>("weights", path.string(), weights);
+    return text(array_text("weight_bits", block), "alignas(64) inline constexpr auto weights =\n",
+                "    __builtin_bit_cast(std::array<rbres::bfloat16, ", block.size(), ">, weight_bits);\n",
+                type);
   }
-}
-
-/// The lines of a function that put the array `weights` into `network`, an expression of type `type`.
-template <class Weight>
-std::string weights_reader(std::string_view type, std::string_view network) {
-  return text("  const auto* from = weights;\n  for (const rbres::ParameterTensor& tensor : ", type,
-              "::tensors())\n    for (int row = 0; row < tensor.rows; ++row)\n"
-              "      for (int column = 0; column < tensor.columns; ++column) ",
-              network, ".parameters()[tensor.index(row, column)] = ",
-              std::is_same_v<Weight, bfloat16> ? "rbres::bfloat16::of_bits(*from++);\n" : "*from++;\n");
 }
 
 }  // namespace detail
@@ -142,19 +134,20 @@ std::string weights_reader(std::string_view type, std::string_view network) {
 ///     y = network.forward(x);
 ///
 /// The weights stand there as a constexpr array of hexadecimal floats, or of the bits of a bfloat16, which
-/// lose no bit: weight (row by row) and bias of every Linear. Atomic; see AtomicFile for the errors. Error
-/// too when a number is not finite or `name` is no name for a namespace of one's own.
+/// lose no bit, and are read where the compiler puts them: a ConstantNetwork, which needs no heap. Atomic;
+/// see AtomicFile for the errors. Error too when a number is not finite or `name` is no name for a namespace
+/// of one's own.
 template <std::floating_point T, class Layers, class W>
 void export_header(const Network<T, Layers, W>& network, const std::filesystem::path& path,
                    std::string_view name = "rbres_model") {
   detail::check_namespace_name(name);
-  const std::string weights = detail::weights_text(network, path);
+  const std::string constants = detail::constant_network_text(network, path);
   AtomicFile file(path);
   const std::string text = detail::text(
-      "// Written by rbres::export_header.\n#pragma once\n\n#include <rbres/nn/network.hpp>\n\nnamespace ",
-      name, "::RBRES_ABI {\n\nusing Network = ", detail::network_text(network), ";\n\n", weights,
-      "\ninline Network network() {\n  Network network;\n", detail::weights_reader<W>("Network", "network"),
-      "  return network;\n}\n\n}  // namespace ", name, "\n");
+      "// Written by rbres::export_header.\n#pragma once\n\n#include <rbres/nn/constant_network.hpp>\n\n"
+      "namespace ",
+      name, "::RBRES_ABI {\n\n", constants, "\ninline Network network() { return {}; }\n\n}  // namespace ",
+      name, "\n");
   file.write(text.data(), text.size());
   file.commit();
 }

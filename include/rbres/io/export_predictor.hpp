@@ -49,7 +49,7 @@ inline std::string body_text(const Body<double>& body) {
 }  // namespace detail
 
 /// Writes a C++ header that holds the predictor, network, normalisers and contact-free flow, so that a
-/// program without files runs it with rbres and Eigen alone:
+/// program without files, and without a heap, runs it with rbres and Eigen alone:
 ///
 ///     #include "model.hpp"
 ///     const NAME::Predictor predictor = NAME::predictor();
@@ -62,7 +62,7 @@ void export_header(const Predictor<Network<T, Layers, W>, N>& p, const std::file
                    std::string_view name = "rbres_model") {
   detail::check_namespace_name(name);
   ModelFormat<Predictor<Network<T, Layers, W>, N>>::check(p);
-  const std::string weights = detail::weights_text(p.network, path);
+  const std::string constants = detail::constant_network_text(p.network, path);
   const auto numbers = [&](const char* what, const auto& vector) {
     return detail::array_text<T>(what, detail::text(path.string(), ": ", what),
                                  std::span<const T>(vector.data(), static_cast<std::size_t>(vector.size())));
@@ -76,18 +76,16 @@ void export_header(const Predictor<Network<T, Layers, W>, N>& p, const std::file
     bodies += detail::text(b == 0 ? "" : ",\n      ", detail::body_text(flow.system[b]));
   const auto number = [&](std::size_t i) { return detail::exact_literal(forces[i]); };
   const std::string text = detail::text(
-      "// Written by rbres::export_header.\n#pragma once\n\n#include "
-      "<rbres/predict/predictor.hpp>\n\nnamespace ",
-      name, "::RBRES_ABI {\n\nusing Network = ", detail::network_text(p.network),
-      ";\nusing Predictor = rbres::Predictor<Network, ", N, ">;\n\n", weights,
+      "// Written by rbres::export_header.\n#pragma once\n\n#include <rbres/nn/constant_network.hpp>\n"
+      "#include <rbres/predict/predictor.hpp>\n\nnamespace ",
+      name, "::RBRES_ABI {\n\n", constants, "using Predictor = rbres::Predictor<Network, ", N, ">;\n\n",
       numbers("input_mean", p.input.mean), numbers("input_deviation", p.input.deviation),
       numbers("output_mean", p.output.mean), numbers("output_deviation", p.output.deviation), R"(
 inline Predictor predictor() {
-  Predictor p{Network(), {}, {}, {rbres::System<double, )",
-      N, ">({\n      ", bodies, "}),\n      {", detail::exact_vector(flow.gravity.g), "}, {", number(1), ", ",
-      number(2), ", ", number(3), "}, {", number(4), ", ", number(5),
+  Predictor p{Network(), {}, {}, {rbres::FreeFlow<)",
+      N, ">::System({\n      ", bodies, "}),\n      {", detail::exact_vector(flow.gravity.g), "}, {",
+      number(1), ", ", number(2), ", ", number(3), "}, {", number(4), ", ", number(5),
       "}}, rbres::Target::", p.target == Target::residual ? "residual" : "state", ", ", number(0), "};\n",
-      detail::weights_reader<W>("Network", "p.network"),
       R"(  std::copy(std::begin(input_mean), std::end(input_mean), p.input.mean.data());
   std::copy(std::begin(input_deviation), std::end(input_deviation), p.input.deviation.data());
   std::copy(std::begin(output_mean), std::end(output_mean), p.output.mean.data());

@@ -76,8 +76,8 @@ inline void check_numbers(const Json& setting) {
 }
 
 /// The bodies, planes and forces of a world.
-template <class S, int N, class Shape, class Model>
-Json world_setting(const System<S, N, Shape>& system, const Model& forces) {
+template <class S, int N, class Shape, int P, class Model>
+Json world_setting(const System<S, N, Shape, P>& system, const Model& forces) {
   Json bodies = Json::array(), planes = Json::array(), models = Json::array();
   for (int b = 0; b < N; ++b) {
     const auto& body = system[b];

@@ -7,6 +7,7 @@
 #include <rbres/dynamics/forces.hpp>
 #include <rbres/dynamics/free_flight.hpp>
 #include <rbres/dynamics/integrators.hpp>
+#include <utility>
 
 namespace rbres::RBRES_ABI {
 
@@ -15,10 +16,27 @@ namespace rbres::RBRES_ABI {
 /// any other must beat.
 template <int N>
 struct FreeFlow {
-  /// The bodies that fly.
-  using System = rbres::System<double, N>;
+  /// The bodies that fly, without the planes of the system that they come from.
+  class System : public rbres::System<double, N, AnyShape<double>, 0> {
+    using Base = rbres::System<double, N, AnyShape<double>, 0>;
 
-  /// What flies; its planes are not met.
+   public:
+    using Base::Base;
+    /// The bodies of a system.
+    template <class Shape, int P>
+    System(const rbres::System<double, N, Shape, P>& system) : Base(bodies_of(system)) {}
+
+   private:
+    template <class Other>
+    static typename Base::Bodies bodies_of(const Other& system) {
+      return [&]<std::size_t... I>(std::index_sequence<I...>) {
+        return typename Base::Bodies{typename Base::BodyType(system[int(I)])...};
+      }
+      (std::make_index_sequence<std::size_t(N)>{});
+    }
+  };
+
+  /// What flies.
   System system;
   /// Acts on all bodies.
   Gravity<double> gravity{};
@@ -55,7 +73,7 @@ struct FreeFlow {
     constexpr int L = detail::double_lanes;
     using S = Pack<double, L>;
     const auto lanes = [&]<std::size_t... I>(std::index_sequence<I...>) {
-      return rbres::System<S, N>({system[I].template cast<S>()...});
+      return rbres::System<S, N, AnyShape<S>, 0>({system[I].template cast<S>()...});
     }
     (std::make_index_sequence<std::size_t(N)>{});
     for (std::ptrdiff_t first = 0; first < count; first += L) {
@@ -94,7 +112,7 @@ struct FreeFlow {
       set_lane(states, l, SystemState<double, 1>{{y[k]}});
       set_lane(own, l, std::array{wrench[std::size_t(k)]});
     }
-    follow(rbres::System<S, 1>({body}), own, states, duration);
+    follow(rbres::System<S, 1, AnyShape<S>, 0>({body}), own, states, duration);
     for (int l = 0; l < count; ++l) y[members[std::size_t(l)]] = lane(states, l)[0];
   }
 

@@ -81,7 +81,7 @@ class Predictor {
   void predict(std::span<const State> states, std::span<const Wrenches> wrenches, std::span<State> next,
                Batch& batch, int present = N) const {
     if (states.size() != next.size())
-      detail::refuse("states to predict from", detail::text(next.size()), states.size());
+      detail::refuse("states to predict from", detail::Line(next.size()), states.size());
     const std::less<const State*> before;
     const State *from = states.data(), *to = next.data();
     if (from != to && before(from, to + next.size()) && before(to, from + states.size()))
@@ -154,11 +154,11 @@ class Predictor {
   void predict_each(const StateOf& state, std::span<const Wrenches> wrenches, std::span<State> next,
                     Batch& batch, int present) const {
     const std::ptrdiff_t count = std::ssize(next);
-    if (present < 0 || present > N) detail::refuse("bodies present", detail::text("0 to ", N), present);
+    if (present < 0 || present > N) detail::refuse("bodies present", detail::Line("0 to ", N), present);
     if (std::ssize(wrenches) != count)
-      detail::refuse("wrenches to predict under", detail::text(count), wrenches.size());
+      detail::refuse("wrenches to predict under", detail::Line(count), wrenches.size());
     if (count > batch.inputs_.cols())
-      detail::refuse("predictions", detail::text("at most the batch's ", batch.inputs_.cols()), count);
+      detail::refuse("predictions", detail::Line("at most the batch's ", batch.inputs_.cols()), count);
     if (count == 0) return;
     const auto wrench = [&](std::ptrdiff_t i) -> auto& { return wrenches[static_cast<std::size_t>(i)]; };
     for (std::ptrdiff_t i = 0; i < count; ++i) batch.inputs_.col(i) = encode(state(i), wrench(i), present);

@@ -41,9 +41,9 @@ struct BatchSample {
 /// depends on the threads. Orientations are made unit at the start. `contacts` says how bodies collide, as in
 /// simulate(). Throws Error for options, numbers and starts that make no sense, see check_state; start(i) is
 /// called twice.
-template <class S, class T, int N, class Shape, class Start, class MakeForces, class Integrator,
+template <class S, class T, int N, class Shape, int P, class Start, class MakeForces, class Integrator,
           class Contacts, class Observe>
-void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, const Start& start,
+void simulate_batch(const System<T, N, Shape, P>& system, std::ptrdiff_t count, const Start& start,
                     const MakeForces& forces, const Integrator& integrator, const Contacts& contacts,
                     const SimulationOptions& options, const Observe& observe, int threads = 0) {
   using Value = typename ScalarTraits<S>::Value;
@@ -94,9 +94,9 @@ void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, con
 }
 
 /// The same with AnalyticContacts.
-template <class S, class T, int N, class Shape, class Start, class MakeForces, class Integrator,
+template <class S, class T, int N, class Shape, int P, class Start, class MakeForces, class Integrator,
           class Observe>
-void simulate_batch(const System<T, N, Shape>& system, std::ptrdiff_t count, const Start& start,
+void simulate_batch(const System<T, N, Shape, P>& system, std::ptrdiff_t count, const Start& start,
                     const MakeForces& forces, const Integrator& integrator, const SimulationOptions& options,
                     const Observe& observe, int threads = 0) {
   simulate_batch<S>(system, count, start, forces, integrator, AnalyticContacts{}, options, observe, threads);

@@ -27,7 +27,7 @@ template <class System>
 class ContinuousContact {
   using S = typename System::Scalar;
   using State = typename System::State;
-  using Pairs = detail::Reserved<detail::ContactPair<System>>;
+  using Pairs = detail::ContactPairs<System>;
   using Motions = detail::MotionsOf<System>;
 
  public:
@@ -362,7 +362,8 @@ class ContinuousContact {
   State part_end_;                            ///< where the present part of the step ends
   Motions motion_, end_motion_;               ///< where the part begins and ends
   State probe_;                               ///< for the search of an impact
-  detail::Reserved<Impact<S>> heard_;         ///< of this step, where the observer asks for impulses
+  detail::Reserved<Impact<S>, detail::pair_room<System>>
+      heard_;  ///< of this step, where the observer asks for impulses
   std::conditional_t<System::bodies == dynamic, Apart, Together> apart_;
 };
 

@@ -5,6 +5,7 @@
 #include <rbres/contact/broad_phase.hpp>
 #include <rbres/contact/contact_pair.hpp>
 #include <rbres/core/reserved.hpp>
+#include <span>
 #include <tuple>
 
 namespace rbres::RBRES_ABI {
@@ -111,7 +112,7 @@ void meet_kinematic(const RigidState<S>& partner, const Body<S, Shape>& body, co
 /// overlap taken away along the normal, shared by inverse mass. What the step's forces alone can have given
 /// in two steps is rest, not approach. What the move costs against the forces is taken out of the motion.
 template <class System>
-void meet(const System& system, const Reserved<Gain<typename System::Scalar>>& gained,
+void meet(const System& system, std::span<const Gain<typename System::Scalar>> gained,
           typename System::State& y, int first, int second, const typename System::Scalar& rest,
           const MaskOf<typename System::Scalar>& where, ContactTally<typename System::Scalar>& tally) {
   using S = typename System::Scalar;
@@ -185,7 +186,7 @@ void meet(const System& system, const Reserved<Gain<typename System::Scalar>>& g
 /// The same in one piece, which is faster: not for dual numbers, with which g++ 12 fails on it.
 template <class System>
 [[gnu::noinline, gnu::flatten]] void meet_flat(const System& system,
-                                               const Reserved<Gain<typename System::Scalar>>& gained,
+                                               std::span<const Gain<typename System::Scalar>> gained,
                                                typename System::State& y, int first, int second,
                                                const typename System::Scalar& rest,
                                                const MaskOf<typename System::Scalar>& where,
@@ -301,14 +302,14 @@ class DiscreteContact {
     }
   }
 
-  using Broad = BroadPhase<S, System::bodies>;
+  using Broad = BroadPhase<S, System::bodies, System::most_planes>;
 
   const System* system_;
   Broad broad_;
   PerBody<S, System::bodies> reach_;  ///< bounding radii, m
-  Reserved<Pair> pairs_;
-  Reserved<Gain<S>> gained_;
-  Reserved<Used> used_;
+  Reserved<Pair, pair_room<System>> pairs_;
+  Reserved<Gain<S>, body_room<System>> gained_;
+  Reserved<Used, body_room<System>> used_;
   MaskOf<S> shared_{false};
 };
 

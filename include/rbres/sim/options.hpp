@@ -39,7 +39,7 @@ struct SimulationOptions {
       detail::refuse("rest speed", "0 m/s or more", rest_speed);
     if (max_events < 1) detail::refuse("max events", "1 or more", max_events);
     const double steps = duration * std::max(1 / step, sample_rate);
-    if (!(steps <= 1e12)) detail::refuse("duration", "at most 1e12 steps", detail::text(steps, " steps"));
+    if (!(steps <= 1e12)) detail::refuse("duration", "at most 1e12 steps", detail::Line(steps, " steps"));
   }
 };
 

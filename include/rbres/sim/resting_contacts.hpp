@@ -16,7 +16,7 @@ class RestingContacts {
   using S = typename System::Scalar;
   using State = typename System::State;
   using Pair = ContactPair<System>;
-  using Pairs = Reserved<Pair>;
+  using Pairs = ContactPairs<System>;
   using Motions = typename Pair::Motions;
   using Bodies = BodyIndices<System::bodies>;
   static constexpr std::size_t P = Pair::points;
@@ -270,11 +270,12 @@ class RestingContacts {
   IslandEnergy<System> energy_;
   PerBody<MaskOf<S>, System::bodies> rests_;
   Forces forces_;
-  Motions end_;                              ///< at the end of a part
-  Motions unheld_;                           ///< the same without the contacts' forces
-  State flown_;                              ///< where these forces have taken the bodies
-  Reserved<typename Pair::Contact> at_end_;  ///< how the resting pairs meet at the end of a part, or halfway
-  Reserved<char> turns_;                     ///< which pairs' points move with a turn about their plane
+  Motions end_;     ///< at the end of a part
+  Motions unheld_;  ///< the same without the contacts' forces
+  State flown_;     ///< where these forces have taken the bodies
+  Reserved<typename Pair::Contact, pair_room<System>>
+      at_end_;                               ///< how the resting pairs meet at the end of a part, or halfway
+  Reserved<char, pair_room<System>> turns_;  ///< which pairs' points move with a turn about their plane
   State last_;                               ///< where the last step ended
 };
 

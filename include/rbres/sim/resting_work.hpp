@@ -41,7 +41,7 @@ struct RestingForce {
 /// In lanes, an island of the bodies of all pairs falls apart into islands of each lane's own: finds which
 /// each body belongs to, `name`d by the smallest body in it.
 template <class System>
-void find_lane_islands(const Reserved<ContactPair<System>>& pairs, std::span<const std::size_t> island,
+void find_lane_islands(const ContactPairs<System>& pairs, std::span<const std::size_t> island,
                        PerBody<typename System::Scalar, System::bodies>& name) {
   using S = typename System::Scalar;
   for (std::size_t i = 0; i < name.size(); ++i) name[i] = as<S>(double(i));
@@ -86,8 +86,8 @@ template <class System>
 class IslandEnergy {
   using S = typename System::Scalar;
   using State = typename System::State;
-  using Pairs = Reserved<ContactPair<System>>;
-  using Contacts = Reserved<typename ContactPair<System>::Contact>;
+  using Pairs = ContactPairs<System>;
+  using Contacts = Reserved<typename ContactPair<System>::Contact, pair_room<System>>;
   using Members = PerBody<MaskOf<S>, System::bodies>;
 
  public:
@@ -257,7 +257,7 @@ class IslandEnergy {
     return select(taken & fixed & no_turn, maximum(S(excess - remainder), S(0)), S(0));
   }
 
-  Reserved<int> bodies_;
+  Reserved<int, body_room<System>> bodies_;
   PerBody<bool, System::bodies> listed_;
   Members members_;                  ///< of an island in each lane
   PerBody<S, System::bodies> name_;  ///< of each body's island in each lane

@@ -143,10 +143,10 @@ void check_state(const System& system, const typename System::State& y) {
     S size = system[contact.second].bounding_radius();
     if (!contact.with_plane()) size = minimum(size, system[contact.first].bounding_radius());
     if (contact.gap < as<S>(-1e-3) * size) {
-      const auto other = contact.with_plane() ? detail::text("plane ", contact.plane())
-                                              : detail::text("body ", contact.first);
-      detail::refuse(detail::text("body ", contact.second, " and ", other), "surfaces apart or touching",
-                     detail::text("an overlap of ", S(-contact.gap), " m"));
+      const auto other = contact.with_plane() ? detail::Line("plane ", contact.plane())
+                                              : detail::Line("body ", contact.first);
+      detail::refuse(detail::Line("body ", contact.second, " and ", other), "surfaces apart or touching",
+                     detail::Line("an overlap of ", S(-contact.gap), " m"));
     }
   }
 }

@@ -75,8 +75,8 @@ ConstantWrench<S, N> lane_wrenches(const Index& lanes, const At& at) {
 /// under `forces` and each start's own wrenches, in lanes and over `threads` threads (0: default_threads();
 /// no bit depends on them). Orientations are made unit. Throws Error for what simulate_batch refuses, and
 /// where a number does not stay finite.
-template <int N, class Shape, class Model, class Integrator, class MakeStart>
-Transitions<N> simulate_transitions(const System<double, N, Shape>& system, const Model& forces,
+template <int N, class Shape, int P, class Model, class Integrator, class MakeStart>
+Transitions<N> simulate_transitions(const System<double, N, Shape, P>& system, const Model& forces,
                                     const Integrator& integrator, std::ptrdiff_t count,
                                     const MakeStart& start, const SimulationOptions& options,
                                     int threads = 0) {
