@@ -169,6 +169,7 @@ class ContinuousContact {
   S advance(const Model& forces, const Integrator& integrator, State& y, S& now, const S& h,
             Observer& observer, ContactTally<S>& tally, const Hold& hold) {
     impacts_.start_step(bodies_);
+    resting_.start_step(bodies_);
     search_.start_part(bodies_);
     S left = h;
     MaskOf<S> lost(false);  // too far for one step, or without an end of impacts
@@ -220,7 +221,7 @@ class ContinuousContact {
               resting ? resting_.stop_approaches(pairs, motion_, pull) : MaskOf<S>(false);
           any(stopped)) {
         detail::take_velocities(
-            bodies_, [&](int i) { return stopped & resting_.rests(i); }, y, motion_);
+            bodies_, [&](int i) { return stopped & resting_.moves(i); }, y, motion_);
         detail::measure_speeds<System>(motion_, pairs);
         fly_to(free_, forces, integrator, y, now, ahead);
       }
@@ -228,7 +229,9 @@ class ContinuousContact {
       const auto go = [&](const S& time) {
         const auto push = [&](const RigidState<S>& state, int i, const S& at, const Wrench<S>& wrench) {
           const auto& c = resting_.forces()[static_cast<std::size_t>(i)];
-          const Vec3<S> torque = c.torque_at(S(at - now), state.position - y[i].position);
+          const auto& kept = resting_.kept();
+          const Vec3<S> torque =
+              c.torque_at(kept.age(i, S(at - now)), state.position - kept.start(y)[i].position);
           return wrench + Wrench<S>{c.force, rotate_back(state.orientation, torque)};
         };
         if (resting) {
@@ -270,6 +273,8 @@ class ContinuousContact {
           continue;
         }
       }
+      // Forces are for the time up to the end of the step: an island that the impact does not reach keeps them.
+      if (resting) resting_.keep_undisturbed(pairs, in_crowd() && cut && !(ahead < left), duration);
       if (resting) resting_.settle(pairs, y, part_end_, duration, pull);
       replace(running, part_end_, y);
       left = select(running, S(left - duration), left);
@@ -315,7 +320,7 @@ class ContinuousContact {
 
   /// When in a part of so many seconds from `start` to part_end_ the first pair touches that does not rest,
   /// s; all of the part where none does. `lost` gains the lanes in which a pair goes too far for one step.
-  S earliest_impact(const Pairs& pairs, const State& start, const S& seconds, MaskOf<S>& lost) {
+  S earliest_impact(Pairs& pairs, const State& start, const S& seconds, MaskOf<S>& lost) {
     for (const int i : bodies_) {
       const RigidState<S>& body = part_end_[i];
       Motion<S>& motion = end_motion_[static_cast<std::size_t>(i)];
@@ -324,9 +329,10 @@ class ContinuousContact {
       motion.angular_velocity = body.angular_velocity_world();
     }
     S earliest = seconds;
-    for (const auto& pair : pairs) {
-      earliest = minimum(earliest, detail::impact_time(*system_, pair, start, part_end_, end_motion_, seconds,
-                                                       probe_, lost));
+    for (auto& pair : pairs) {
+      pair.impact =
+          detail::impact_time(*system_, pair, start, part_end_, end_motion_, seconds, probe_, lost);
+      earliest = minimum(earliest, pair.impact);
     }
     return earliest;
   }
