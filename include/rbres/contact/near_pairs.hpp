@@ -25,6 +25,13 @@ std::size_t most_pairs(const System& system) {
   return most_pairs(static_cast<std::size_t>(system.size()), system.planes().size());
 }
 
+/// Whether a system has so many bodies that each step costs too much for all of them together. Fewer move to
+/// the same bits whether their number is known when the program is compiled or when it runs.
+template <class System>
+bool is_crowd(const System& system) {
+  return System::bodies == dynamic && !Packed<typename System::Scalar> && system.size() > 32;
+}
+
 /// A pair whose bounding balls overlap.
 template <class S>
 struct NearPair {

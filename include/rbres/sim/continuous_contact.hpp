@@ -35,6 +35,7 @@ class ContinuousContact {
   ContinuousContact(const System& system, const SimulationOptions& options)
       : system_(&system),
         options_(options),
+        in_crowd_(detail::is_crowd(system)),
         search_(system, as<S>(options.rest_speed)),
         impacts_(system),
         resting_(system),
@@ -93,15 +94,13 @@ class ContinuousContact {
   static constexpr bool grouped =
       System::bodies == dynamic && !Packed<S> && detail::is_local<Model, S, typename System::Shape> &&
       !detail::HearsImpacts<Observer, State, S>;
-  /// Whether there are so many bodies that each step costs too much for all of them together.
-  bool in_crowd() const { return System::bodies == dynamic && !Packed<S> && system_->size() > 32; }
 
   /// Takes y from t to t + h group by group. Returns false, and leaves all as it was, where a group does not
   /// keep to itself or meets the event cap.
   template <class Model, class Integrator, class Observer>
   bool step_groups(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
                    Observer& observer, ContactTally<S>& tally) {
-    if (!in_crowd() || !(h > S(0))) return false;
+    if (!in_crowd_ || !(h > S(0))) return false;
     detail::StepGroups<System>& groups = apart_.groups;
     State& start = apart_.start;
     bodies_ = all();
@@ -265,7 +264,7 @@ class ContinuousContact {
         // third and fourth power of its duration: where bodies end too deep, it must be shorter.
         const S shortest = as<S>(1.0 / 512) * h;
         const MaskOf<S> divides = ahead > shortest,
-                        sinks = resting_.sunk(pairs, part_end_, cut, in_crowd()) > S(1);
+                        sinks = resting_.sunk(pairs, part_end_, cut, in_crowd_) > S(1);
         const MaskOf<S> deep = running & divides & sinks;
         if (any(deep)) {
           longest = select(deep, maximum(S(as<S>(0.5) * ahead), shortest), longest);
@@ -274,7 +273,7 @@ class ContinuousContact {
         }
       }
       // Forces are for the time up to the end of the step: an island that the impact does not reach keeps them.
-      if (resting) resting_.keep_undisturbed(pairs, in_crowd() && cut && !(ahead < left), duration);
+      if (resting) resting_.keep_undisturbed(pairs, in_crowd_ && cut && !(ahead < left), duration);
       if (resting) resting_.settle(pairs, y, part_end_, duration, pull);
       replace(running, part_end_, y);
       left = select(running, S(left - duration), left);
@@ -359,6 +358,7 @@ class ContinuousContact {
 
   const System* system_;
   SimulationOptions options_;
+  bool in_crowd_;
   Bodies bodies_;  ///< that are taken on together
   detail::PairSearch<System> search_;
   detail::Impacts<System> impacts_;

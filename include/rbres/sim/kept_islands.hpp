@@ -19,7 +19,7 @@ class KeptIslands {
   static constexpr bool possible = System::bodies == dynamic && !Packed<S>;
 
  public:
-  explicit KeptIslands(const System& system) : in_crowd_(possible && system.size() > 32) {
+  explicit KeptIslands(const System& system) : in_crowd_(is_crowd(system)) {
     if constexpr (possible) {
       kept_ = disturbed_ = per_body<bool>(system);
       elapsed_ = per_body<S>(system);
