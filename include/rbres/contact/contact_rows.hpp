@@ -110,6 +110,13 @@ class ContactRows {
     in_crowd_ ? solve_in_crowd(motion, where) : solve(motion, where, true, tolerance_);
   }
 
+  /// The same where what is left of an approach is taken up by forces that are found next: in a crowd a few
+  /// sweeps do, to a speed at which nothing gets deep within a step.
+  void solve_roughly(Motions& motion, const MaskOf<S>& where) {
+    constexpr int some = 20;
+    in_crowd_ ? void(sweep(motion, where, true, as<S>(1e6) * tolerance_, some)) : solve(motion, where);
+  }
+
   /// The same to `tolerance` (m/s), with or without friction. Newton's method settles most single pairs, a
   /// few sweeps most islands, Newton's method for islands what is left; large heaps, for which that costs too
   /// much, are swept on, to a coarser tolerance.

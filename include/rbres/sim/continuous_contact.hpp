@@ -272,7 +272,8 @@ class ContinuousContact {
           continue;
         }
       }
-      // Forces are for the time up to the end of the step: an island that the impact does not reach keeps them.
+      // Forces are for the time up to the end of the step: an island that the impact does not reach keeps
+      // them.
       if (resting) resting_.keep_undisturbed(pairs, in_crowd_ && cut && !(ahead < left), duration);
       if (resting) resting_.settle(pairs, y, part_end_, duration, pull);
       replace(running, part_end_, y);
@@ -329,8 +330,7 @@ class ContinuousContact {
     }
     S earliest = seconds;
     for (auto& pair : pairs) {
-      pair.impact =
-          detail::impact_time(*system_, pair, start, part_end_, end_motion_, seconds, probe_, lost);
+      pair.impact = detail::impact_time(*system_, pair, start, part_end_, end_motion_, seconds, probe_, lost);
       earliest = minimum(earliest, pair.impact);
     }
     return earliest;

@@ -77,7 +77,8 @@ class KeptIslands {
   }
 
   /// Chooses the islands that keep their forces after a part that an impact has ended when it was so many
-  /// `seconds` old: those that no impact reaches, however it is handed on. `at_end`: how the pairs meet there.
+  /// `seconds` old: those that no impact reaches, however it is handed on. `at_end`: how the pairs meet
+  /// there.
   template <class Contacts>
   void choose(const Bodies& bodies, const Pairs& pairs, const Contacts& at_end, const S& seconds) {
     if constexpr (possible) {
@@ -129,7 +130,8 @@ class KeptIslands {
     return a.first < 0 && b.first < 0 ? a.first > b.first : a.first < b.first;
   }
   static bool touches(const Pair& pair, const typename Pair::Contact& contact) {
-    return std::any_of(contact.gap.begin(), contact.gap.end(), [&](const S& gap) { return gap <= pair.touch; });
+    return std::any_of(contact.gap.begin(), contact.gap.end(),
+                       [&](const S& gap) { return gap <= pair.touch; });
   }
 
   bool in_crowd_;

@@ -107,7 +107,7 @@ class RestingContacts {
         const S target = minimum(closing(pair.manifold, i, pull), S(0));
         rows_.add(pair, pair.manifold, i, pair.resting[i], target, pair.surface.friction, motion);
       });
-      rows_.solve(motion, slow);
+      rows_.solve_roughly(motion, slow);
     }
     return stopped;
   }
@@ -229,7 +229,7 @@ class RestingContacts {
             rows_.add(pair, at_end, i, resting, closing(at_end, i, pull), pair.surface.friction, end_);
         }
       }
-      rows_.solve(end_, MaskOf<S>(true));
+      rows_.solve_roughly(end_, MaskOf<S>(true));
     }
     take_velocities(
         bodies_, [&](int i) { return moves(i); }, end, end_);
