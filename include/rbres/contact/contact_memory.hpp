@@ -72,6 +72,14 @@ class ContactMemory {
     for (std::size_t d = 0; d < 3; ++d) entry.force[d] = select(open, S(rate * row.impulse()[d]), old[d]);
     next_.push_back(entry);
   }
+  /// Keeps what is known of a pair's forces.
+  void keep(const Candidate& who) {
+    const auto all = known();
+    const long first = key(who);
+    for (auto at = at_or_after(all, first); at != all.end() && at->key < first + points; ++at) {
+      if (next_.size() < next_.capacity()) next_.push_back(*at);
+    }
+  }
   void finish(const MaskOf<S>& open) {
     std::sort(next_.begin(), next_.end(), by_key);
     if (!all(open)) {  // what other lanes still hold on to
@@ -95,15 +103,21 @@ class ContactMemory {
     std::array<S, 3> force;
   };
   static bool by_key(const Entry& a, const Entry& b) { return a.key < b.key; }
-  long key(const Row& row) const {
-    return (static_cast<long>(row.who.first) * bodies_ + row.who.second) * points +
-           static_cast<long>(row.point);
+  long key(const Candidate& who) const {
+    return (static_cast<long>(who.first) * bodies_ + who.second) * points;
+  }
+  long key(const Row& row) const { return key(row.who) + static_cast<long>(row.point); }
+  static auto at_or_after(std::span<const Entry> entries, long key) {
+    return std::lower_bound(entries.begin(), entries.end(), key,
+                            [](const Entry& entry, long k) { return entry.key < k; });
+  }
+  std::span<const Entry> known() const {
+    return fresh_ ? std::span<const Entry>(step_) : std::span<const Entry>(last_);
   }
   const Entry* find(long key) const {
-    const auto known = fresh_ ? std::span<const Entry>(step_) : std::span<const Entry>(last_);
-    const auto at = std::lower_bound(known.begin(), known.end(), key,
-                                     [](const Entry& entry, long k) { return entry.key < k; });
-    return at != known.end() && at->key == key ? &*at : nullptr;
+    const auto all = known();
+    const auto at = at_or_after(all, key);
+    return at != all.end() && at->key == key ? &*at : nullptr;
   }
 
   int bodies_;

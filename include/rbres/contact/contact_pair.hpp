@@ -43,6 +43,7 @@ struct ContactPair {
   std::array<S, points> speed;  ///< at which each point's gap opens, m/s
   std::array<MaskOf<S>, points> touching, resting;
   MaskOf<S> any_resting;
+  S impact;  ///< when it has one, s after the part begins, if that is before its end
   Surface<S> surface;
   S size;         ///< the smaller bounding radius, m
   S touch;        ///< points closer than this touch, m

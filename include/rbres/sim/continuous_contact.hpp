@@ -35,6 +35,7 @@ class ContinuousContact {
   ContinuousContact(const System& system, const SimulationOptions& options)
       : system_(&system),
         options_(options),
+        in_crowd_(detail::is_crowd(system)),
         search_(system, as<S>(options.rest_speed)),
         impacts_(system),
         resting_(system),
@@ -93,15 +94,13 @@ class ContinuousContact {
   static constexpr bool grouped =
       System::bodies == dynamic && !Packed<S> && detail::is_local<Model, S, typename System::Shape> &&
       !detail::HearsImpacts<Observer, State, S>;
-  /// Whether there are so many bodies that each step costs too much for all of them together.
-  bool in_crowd() const { return System::bodies == dynamic && !Packed<S> && system_->size() > 32; }
 
   /// Takes y from t to t + h group by group. Returns false, and leaves all as it was, where a group does not
   /// keep to itself or meets the event cap.
   template <class Model, class Integrator, class Observer>
   bool step_groups(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
                    Observer& observer, ContactTally<S>& tally) {
-    if (!in_crowd() || !(h > S(0))) return false;
+    if (!in_crowd_ || !(h > S(0))) return false;
     detail::StepGroups<System>& groups = apart_.groups;
     State& start = apart_.start;
     bodies_ = all();
@@ -169,6 +168,7 @@ class ContinuousContact {
   S advance(const Model& forces, const Integrator& integrator, State& y, S& now, const S& h,
             Observer& observer, ContactTally<S>& tally, const Hold& hold) {
     impacts_.start_step(bodies_);
+    resting_.start_step(bodies_);
     search_.start_part(bodies_);
     S left = h;
     MaskOf<S> lost(false);  // too far for one step, or without an end of impacts
@@ -220,7 +220,7 @@ class ContinuousContact {
               resting ? resting_.stop_approaches(pairs, motion_, pull) : MaskOf<S>(false);
           any(stopped)) {
         detail::take_velocities(
-            bodies_, [&](int i) { return stopped & resting_.rests(i); }, y, motion_);
+            bodies_, [&](int i) { return stopped & resting_.moves(i); }, y, motion_);
         detail::measure_speeds<System>(motion_, pairs);
         fly_to(free_, forces, integrator, y, now, ahead);
       }
@@ -228,7 +228,9 @@ class ContinuousContact {
       const auto go = [&](const S& time) {
         const auto push = [&](const RigidState<S>& state, int i, const S& at, const Wrench<S>& wrench) {
           const auto& c = resting_.forces()[static_cast<std::size_t>(i)];
-          const Vec3<S> torque = c.torque_at(S(at - now), state.position - y[i].position);
+          const auto& kept = resting_.kept();
+          const Vec3<S> torque =
+              c.torque_at(kept.age(i, S(at - now)), state.position - kept.start(y)[i].position);
           return wrench + Wrench<S>{c.force, rotate_back(state.orientation, torque)};
         };
         if (resting) {
@@ -262,7 +264,7 @@ class ContinuousContact {
         // third and fourth power of its duration: where bodies end too deep, it must be shorter.
         const S shortest = as<S>(1.0 / 512) * h;
         const MaskOf<S> divides = ahead > shortest,
-                        sinks = resting_.sunk(pairs, part_end_, cut, in_crowd()) > S(1);
+                        sinks = resting_.sunk(pairs, part_end_, cut, in_crowd_) > S(1);
         const MaskOf<S> deep = running & divides & sinks;
         if (any(deep)) {
           longest = select(deep, maximum(S(as<S>(0.5) * ahead), shortest), longest);
@@ -270,6 +272,9 @@ class ContinuousContact {
           continue;
         }
       }
+      // Forces are for the time up to the end of the step: an island that the impact does not reach keeps
+      // them.
+      if (resting) resting_.keep_undisturbed(pairs, in_crowd_ && cut && !(ahead < left), duration);
       if (resting) resting_.settle(pairs, y, part_end_, duration, pull);
       replace(running, part_end_, y);
       left = select(running, S(left - duration), left);
@@ -315,7 +320,7 @@ class ContinuousContact {
 
   /// When in a part of so many seconds from `start` to part_end_ the first pair touches that does not rest,
   /// s; all of the part where none does. `lost` gains the lanes in which a pair goes too far for one step.
-  S earliest_impact(const Pairs& pairs, const State& start, const S& seconds, MaskOf<S>& lost) {
+  S earliest_impact(Pairs& pairs, const State& start, const S& seconds, MaskOf<S>& lost) {
     for (const int i : bodies_) {
       const RigidState<S>& body = part_end_[i];
       Motion<S>& motion = end_motion_[static_cast<std::size_t>(i)];
@@ -324,9 +329,9 @@ class ContinuousContact {
       motion.angular_velocity = body.angular_velocity_world();
     }
     S earliest = seconds;
-    for (const auto& pair : pairs) {
-      earliest = minimum(earliest, detail::impact_time(*system_, pair, start, part_end_, end_motion_, seconds,
-                                                       probe_, lost));
+    for (auto& pair : pairs) {
+      pair.impact = detail::impact_time(*system_, pair, start, part_end_, end_motion_, seconds, probe_, lost);
+      earliest = minimum(earliest, pair.impact);
     }
     return earliest;
   }
@@ -353,6 +358,7 @@ class ContinuousContact {
 
   const System* system_;
   SimulationOptions options_;
+  bool in_crowd_;
   Bodies bodies_;  ///< that are taken on together
   detail::PairSearch<System> search_;
   detail::Impacts<System> impacts_;

@@ -3,6 +3,7 @@
 #include <rbres/contact/contact_memory.hpp>
 #include <rbres/contact/islands.hpp>
 #include <rbres/contact/pair_search.hpp>
+#include <rbres/sim/kept_islands.hpp>
 #include <rbres/sim/resting_work.hpp>
 #include <span>
 
@@ -31,6 +32,7 @@ class RestingContacts {
         rows_(system),
         memory_(system, rows_.capacity()),
         energy_(system),
+        kept_(system),
         rests_(per_body<MaskOf<S>>(system)),
         forces_(per_body<RestingForce<S>>(system)),
         end_(per_body<Motion<S>>(system)),
@@ -54,6 +56,11 @@ class RestingContacts {
   }
   void end_step(const State& y) { last_ = y; }
 
+  /// A new step of `bodies`.
+  void start_step(const Bodies& bodies) { kept_.clear(bodies); }
+  /// Those that keep their forces.
+  KeptIslands<System>& kept() { return kept_; }
+  const KeptIslands<System>& kept() const { return kept_; }
   /// What they know of their forces.
   ContactMemory<System>& memory() { return memory_; }
 
@@ -66,14 +73,7 @@ class RestingContacts {
     bool found = false;
     for (std::size_t k = 0; k < pairs.size(); ++k) {
       Pair& pair = pairs[k];
-      pair.any_resting = MaskOf<S>(false);
-      for (std::size_t i = 0; i < P; ++i) {
-        const MaskOf<S> close = pair.manifold.gap[i] <= pair.near;
-        const MaskOf<S> slow = square(pair.speed[i]) <= square(pair.rest_speed);
-        const MaskOf<S> comes = pair.speed[i] <= S(0);  // impacts are answered: what is left is rounding
-        pair.resting[i] = running & ((close & slow) | (pair.touching[i] & comes));
-        pair.any_resting = pair.any_resting | pair.resting[i];
-      }
+      if (!kept_.mark(pair)) mark(pair, running);
       if (!any(pair.any_resting)) continue;
       found = true;
       for (const int body : {pair.moved.first, pair.moved.second}) {
@@ -82,6 +82,7 @@ class RestingContacts {
       islands_.add(k, pair.moved.first, pair.moved.second);
     }
     if (found) islands_.group(Packed<S>);
+    if (!found) kept_.clear(bodies_);
     return found;
   }
 
@@ -90,6 +91,7 @@ class RestingContacts {
   MaskOf<S> stop_approaches(const Pairs& pairs, Motions& motion, const S& pull) {
     MaskOf<S> stopped(false);
     for (std::size_t island = 0; island < islands_.count(); ++island) {
+      if (keeps(pairs, island)) continue;
       MaskOf<S> slow(false);
       for (const std::size_t k : islands_[island]) {
         const Pair& pair = pairs[k];
@@ -105,7 +107,7 @@ class RestingContacts {
         const S target = minimum(closing(pair.manifold, i, pull), S(0));
         rows_.add(pair, pair.manifold, i, pair.resting[i], target, pair.surface.friction, motion);
       });
-      rows_.solve(motion, slow);
+      rows_.solve_roughly(motion, slow);
     }
     return stopped;
   }
@@ -116,6 +118,8 @@ class RestingContacts {
   void find_forces(const Pairs& pairs, const State& y, const Motions& motion, const State& free,
                    const S& left, const S& pull) {
     for (const int i : bodies_) {
+      if (kept_.has(i)) continue;
+      kept_.start(i, y);
       end_[index(i)] = motion[index(i)];
       end_[index(i)].velocity = free[i].velocity;
       end_[index(i)].angular_velocity = free[i].angular_velocity_world();
@@ -130,6 +134,10 @@ class RestingContacts {
     at_end_.resize(pairs.size());
     turns_.resize(pairs.size());
     for (std::size_t island = 0; island < islands_.count(); ++island) {
+      if (keeps(pairs, island)) {
+        for (const std::size_t k : islands_[island]) memory_.keep(pairs[k].who);
+        continue;
+      }
       turn_halfway(pairs, island, y, motion, left);
       take_up(pairs, island, [&](std::size_t k, const Pair& pair, std::size_t i) {
         const S target = closing(pair.manifold, i, pull) - pair.speed[i];
@@ -156,7 +164,7 @@ class RestingContacts {
     }
     memory_.finish(open);
     for (const int i : bodies_) {
-      if (!any(rests_[index(i)])) continue;
+      if (!any(moves(i))) continue;
       const Motion<S>&m = end_[index(i)], &b = unheld_[index(i)];
       const Mat3<S> axes = rotation_matrix(y[i].orientation);
       const Vec3<S> spin = axes.transposed_times(m.angular_velocity - b.angular_velocity);
@@ -196,12 +204,20 @@ class RestingContacts {
     return worst;
   }
 
-  /// Changes the velocities of `end`, for which sunk() was asked, so that no resting point approaches, and
-  /// contacts have done no work that they cannot do from y on, in `part` seconds.
+  /// Chooses the islands that keep their forces after a part of so many seconds, for whose end sunk() was
+  /// asked: where it `may` be, those that no impact there reaches.
+  void keep_undisturbed(const Pairs& pairs, bool may, const S& seconds) {
+    may ? kept_.choose(bodies_, pairs, at_end_, seconds) : kept_.clear(bodies_);
+  }
+
+  /// Changes the velocities of `end`, for which sunk() was asked, in islands that do not keep their forces,
+  /// so that no resting point approaches, and contacts have done no work that they cannot do from y on, in
+  /// `part` seconds.
   void settle(const Pairs& pairs, const State& y, State& end, const S& part, const S& pull) {
     for (const int i : bodies_) flown_[i] = end[i];
     set_motions(*system_, bodies_, end, end_);
     for (std::size_t island = 0; island < islands_.count(); ++island) {
+      if (keeps(pairs, island)) continue;
       rows_.clear();
       for (const std::size_t k : islands_[island]) {
         const Pair& pair = pairs[k];
@@ -214,19 +230,40 @@ class RestingContacts {
             rows_.add(pair, at_end, i, resting, closing(at_end, i, pull), pair.surface.friction, end_);
         }
       }
-      rows_.solve(end_, MaskOf<S>(true));
+      rows_.solve_roughly(end_, MaskOf<S>(true));
     }
     take_velocities(
-        bodies_, [&](int i) { return rests_[index(i)]; }, end, end_);
-    for (std::size_t island = 0; island < islands_.count(); ++island)
-      energy_.bound(*system_, pairs, islands_[island], at_end_, rests_, {y, flown_, forces_, part}, end);
+        bodies_, [&](int i) { return moves(i); }, end, end_);
+    for (std::size_t island = 0; island < islands_.count(); ++island) {
+      if (keeps(pairs, island)) continue;
+      const S seconds = kept_.age(pairs[islands_[island].front()].moved.second, part);
+      energy_.bound(*system_, pairs, islands_[island], at_end_, rests_,
+                    {kept_.start(y), flown_, forces_, seconds}, end);
+    }
+    kept_.end_part(bodies_, pairs, part);
   }
 
-  /// Where a body has a resting contact.
-  const MaskOf<S>& rests(int i) const { return rests_[index(i)]; }
+  /// Where a body has a resting contact and new forces.
+  MaskOf<S> moves(int i) const { return rests_[index(i)] & MaskOf<S>(!kept_.has(i)); }
 
  private:
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+  /// Marks the points of a pair that rest.
+  static void mark(Pair& pair, const MaskOf<S>& running) {
+    pair.any_resting = MaskOf<S>(false);
+    for (std::size_t i = 0; i < P; ++i) {
+      const MaskOf<S> close = pair.manifold.gap[i] <= pair.near;
+      const MaskOf<S> slow = square(pair.speed[i]) <= square(pair.rest_speed);
+      const MaskOf<S> comes = pair.speed[i] <= S(0);  // impacts are answered: what is left is rounding
+      pair.resting[i] = running & ((close & slow) | (pair.touching[i] & comes));
+      pair.any_resting = pair.any_resting | pair.resting[i];
+    }
+  }
+  /// Whether an island keeps its forces.
+  bool keeps(const Pairs& pairs, std::size_t island) const {
+    return kept_.has(pairs[islands_[island].front()]);
+  }
 
   /// Takes up the resting points i of an island by add(k, pair k, i).
   template <class Add>
@@ -268,6 +305,7 @@ class RestingContacts {
   ContactRows<System> rows_;
   ContactMemory<System> memory_;
   IslandEnergy<System> energy_;
+  KeptIslands<System> kept_;
   PerBody<MaskOf<S>, System::bodies> rests_;
   Forces forces_;
   Motions end_;     ///< at the end of a part
