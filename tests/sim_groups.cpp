@@ -122,6 +122,94 @@ TEST_CASE("energy never rises, and a heap of clusters comes to rest") {
   }
 }
 
+TEST_CASE("bodies that fall into a heap gain no energy and do not overlap") {
+  const Material<double> material{0.3, 0.5};
+  std::vector<Body<double>> bodies;
+  State y;
+  for (int i = 0; i < 36; ++i) {
+    i % 2 == 0 ? bodies.push_back({Sphere{0.1}, 1.0, material})
+               : bodies.push_back({Box{0.12, 0.08, 0.1}, 1.0, material});
+    RigidState<double> body;
+    body.position = {0.36 * (i % 3 - 1) + 0.01 * (i % 7), 0.36 * (i / 3 % 3 - 1) + 0.01 * (i % 5),
+                     0.25 + 0.36 * (i / 9)};
+    body.orientation = quaternion_exp(Vec3<double>{1.0 * i, 0, 0});
+    y.body.push_back(body);
+  }
+  std::vector<Plane<double>> pit{floor_plane(material)};
+  for (const double side : {-1.0, 1.0}) {
+    pit.push_back({{side, 0, 0}, -0.6, material});
+    pit.push_back({{0, side, 0}, -0.6, material});
+  }
+  const Crowd world{bodies, pit};
+  const Vec3<double> g{0, 0, -9.81};
+  const double start = energy(world, y, g);
+  double last = start, rise = 0, deepest = 0;
+  const auto report =
+      simulate(world, y, Gravity{}, Rk4{}, {.step = 2e-3, .duration = 0.7}, [&](double, const State& now) {
+        const double e = energy(world, now, g);
+        rise = std::max(rise, e - last);
+        last = e;
+        for (const auto& contact : contacts(world, now)) deepest = std::min(deepest, contact.gap);
+      });
+  CHECK(report.impacts > 1000);
+  CHECK(report.overruns == 0);
+  CHECK(rise < 1e-10 * start);
+  CHECK(last < 0.5 * start);
+  CHECK(deepest > -5e-5);
+}
+
+TEST_CASE("islands of resting contacts that an impact does not reach keep their forces, in a crowd") {
+  for (const int count : {32, 33}) {
+    CAPTURE(count);
+    const Material<double> material{0.3, 0.5};
+    const std::vector<Body<double>> bodies(std::size_t(count), Body<double>(Sphere{0.1}, 1.0, material));
+    const Crowd world{bodies, {floor_plane(material)}};
+    using Pair = detail::ContactPair<Crowd>;
+    detail::Reserved<Pair> pairs;
+    detail::Reserved<Pair::Contact> at_end;
+    const auto add = [&](int first, int second, bool rests, double gap, double impact) {
+      Pair pair(world, {first, second}, 5e-3);
+      pair.resting.fill(false);
+      pair.resting[0] = pair.any_resting = rests;
+      pair.impact = impact;
+      pairs.push_back(pair);
+      Pair::Contact contact{};
+      contact.gap.fill(1.0);
+      contact.gap[0] = gap;
+      at_end.push_back(contact);
+    };
+    constexpr double cut = 1e-3, never = 2e-3;
+    add(-1, 0, true, 0, never);  // rests on the floor, apart from all that happens
+    add(-1, 1, true, 0, never);  // rests on the floor, and against what is hit
+    add(-1, 5, true, 0, never);  // touches what is hit
+    add(0, 6, false, 0.1, never);
+    add(1, 2, true, 0, never);
+    add(2, 3, false, 0, cut);  // the impact
+    add(3, 5, false, 0, never);
+    std::vector<int> all(bodies.size());
+    std::iota(all.begin(), all.end(), 0);
+    detail::KeptIslands<Crowd> kept(world);
+    kept.clear(all);
+    State y;
+    y.body.resize(bodies.size());
+    for (const int i : all) kept.start(i, y);
+    kept.choose(all, pairs, at_end, cut);
+    kept.end_part(all, pairs, cut);
+    for (const int i : all) CHECK(kept.has(i) == (count > 32 && i == 0));
+
+    Pair known(world, {-1, 0}, 5e-3), fresh(world, {0, 6}, 5e-3), other(world, {1, 2}, 5e-3);
+    CHECK(kept.mark(known) == (count > 32));
+    CHECK(kept.mark(fresh) == (count > 32));
+    CHECK(!kept.mark(other));
+    if (count == 32) continue;
+    CHECK(known.any_resting);
+    CHECK(known.resting[0]);
+    CHECK(!known.resting[1]);
+    CHECK(!fresh.any_resting);
+    CHECK(kept.age(0, 5e-4) == 1.5e-3);
+  }
+}
+
 TEST_CASE("a body that an impact drives into another group within a step does not pass through it") {
   // A fast heavy ball hits a lighter one, and that a light one, which flies off four times as fast as
   // anything did before, and would pass the ball in its way within the same step.

@@ -39,7 +39,7 @@ class ContactRows {
   };
 
   explicit ContactRows(const System& system)
-      : in_crowd_(is_crowd(system)), newton_(system, rows_of(system)), used_(per_body<MaskOf<S>>(system)) {
+      : newton_(system, rows_of(system)), used_(per_body<MaskOf<S>>(system)) {
     rows_.reserve(rows_of(system));
   }
 
@@ -106,15 +106,22 @@ class ContactRows {
 
   /// Changes the velocities in `motion` until every row obeys its laws, to the tolerance of the smallest
   /// bodies. Only in the lanes `where`.
-  void solve(Motions& motion, const MaskOf<S>& where) {
-    in_crowd_ ? solve_in_crowd(motion, where) : solve(motion, where, true, tolerance_);
-  }
+  void solve(Motions& motion, const MaskOf<S>& where) { solve(motion, where, true, tolerance_); }
 
-  /// The same where what is left of an approach is taken up by forces that are found next: in a crowd a few
-  /// sweeps do, to a speed at which nothing gets deep within a step.
-  void solve_roughly(Motions& motion, const MaskOf<S>& where) {
+  /// The same, coarser and faster, for what lasts no longer than the step. It starts with friction, from the
+  /// forces of the part before.
+  void solve_within_step(Motions& motion, const MaskOf<S>& where) {
+    constexpr int few = 12, some = 20;
+    const S tolerance = as<S>(1000.0) * tolerance_;
+    if (all(pairs_apart())) return solve(motion, where, true, tolerance);
+    const MaskOf<S> open = sweep(motion, where, true, tolerance, few);
+    if (!any(open) || newton_.solve(*this, motion, open, true, tolerance)) return;
+    sweep(motion, open, true, as<S>(2.0) * tolerance, some);
+  }
+  /// Coarser still, where forces that are found next take up what is left.
+  void sweep_within_step(Motions& motion, const MaskOf<S>& where) {
     constexpr int some = 20;
-    in_crowd_ ? void(sweep(motion, where, true, as<S>(1e6) * tolerance_, some)) : solve(motion, where);
+    sweep(motion, where, true, as<S>(1e6) * tolerance_, some);
   }
 
   /// The same to `tolerance` (m/s), with or without friction. Newton's method settles most single pairs, a
@@ -144,17 +151,6 @@ class ContactRows {
   }
 
  private:
-  /// In a crowd something moves in every part, and what is left of an error is taken up in the next: there
-  /// solutions are coarser. They start with friction, from the forces of the part before.
-  void solve_in_crowd(Motions& motion, const MaskOf<S>& where) {
-    constexpr int few = 12, some = 20;
-    const S tolerance = as<S>(1000.0) * tolerance_;
-    if (all(pairs_apart())) return solve(motion, where, true, tolerance);
-    const MaskOf<S> open = sweep(motion, where, true, tolerance, few);
-    if (!any(open) || newton_.solve(*this, motion, open, true, tolerance)) return;
-    sweep(motion, open, true, as<S>(2.0) * tolerance, some);
-  }
-
   static bool same_pair(const Row& a, const Row& b) {
     return a.who.first == b.who.first && a.who.second == b.who.second;
   }
@@ -244,7 +240,6 @@ class ContactRows {
     }
   }
 
-  bool in_crowd_;
   IslandNewton<System> newton_;
   Reserved<Row, row_room<System>> rows_;
   PerBody<MaskOf<S>, System::bodies> used_;  ///< by a pair

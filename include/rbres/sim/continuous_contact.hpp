@@ -274,7 +274,8 @@ class ContinuousContact {
       }
       // Forces are for the time up to the end of the step: an island that the impact does not reach keeps
       // them.
-      if (resting) resting_.keep_undisturbed(pairs, in_crowd_ && cut && !(ahead < left), duration);
+      const MaskOf<S> early = ahead < left;
+      if (resting) resting_.keep_undisturbed(pairs, in_crowd_ && cut && !any(early), duration);
       if (resting) resting_.settle(pairs, y, part_end_, duration, pull);
       replace(running, part_end_, y);
       left = select(running, S(left - duration), left);

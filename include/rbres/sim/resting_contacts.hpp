@@ -57,7 +57,10 @@ class RestingContacts {
   void end_step(const State& y) { last_ = y; }
 
   /// A new step of `bodies`.
-  void start_step(const Bodies& bodies) { kept_.clear(bodies); }
+  void start_step(const Bodies& bodies) {
+    kept_.clear(bodies);
+    within_step_ = false;
+  }
   /// Those that keep their forces.
   KeptIslands<System>& kept() { return kept_; }
   const KeptIslands<System>& kept() const { return kept_; }
@@ -107,7 +110,7 @@ class RestingContacts {
         const S target = minimum(closing(pair.manifold, i, pull), S(0));
         rows_.add(pair, pair.manifold, i, pair.resting[i], target, pair.surface.friction, motion);
       });
-      rows_.solve_roughly(motion, slow);
+      within_step_ ? rows_.sweep_within_step(motion, slow) : rows_.solve(motion, slow);
     }
     return stopped;
   }
@@ -156,7 +159,7 @@ class RestingContacts {
         for (S& p : impulse) p = select(row.active, S(left * p), S(0));
         point.add(impulse, first, second);
       });
-      rows_.solve(end_, open);
+      within_step_ ? rows_.solve_within_step(end_, open) : rows_.solve(end_, open);
       rows_.each(end_, [&](auto& row, auto& point, auto&, auto&) {
         memory_.keep(row, kept_rate, open);
         if (row.moved.first >= 0) add_paired_force(row, point, y, end_, rate, forces_);
@@ -207,6 +210,7 @@ class RestingContacts {
   /// Chooses the islands that keep their forces after a part of so many seconds, for whose end sunk() was
   /// asked: where it `may` be, those that no impact there reaches.
   void keep_undisturbed(const Pairs& pairs, bool may, const S& seconds) {
+    within_step_ = may;
     may ? kept_.choose(bodies_, pairs, at_end_, seconds) : kept_.clear(bodies_);
   }
 
@@ -230,7 +234,8 @@ class RestingContacts {
             rows_.add(pair, at_end, i, resting, closing(at_end, i, pull), pair.surface.friction, end_);
         }
       }
-      rows_.solve_roughly(end_, MaskOf<S>(true));
+      const MaskOf<S> every(true);
+      within_step_ ? rows_.sweep_within_step(end_, every) : rows_.solve(end_, every);
     }
     take_velocities(
         bodies_, [&](int i) { return moves(i); }, end, end_);
@@ -306,6 +311,7 @@ class RestingContacts {
   ContactMemory<System> memory_;
   IslandEnergy<System> energy_;
   KeptIslands<System> kept_;
+  bool within_step_ = false;  ///< whether an impact in a crowd has ended the part before
   PerBody<MaskOf<S>, System::bodies> rests_;
   Forces forces_;
   Motions end_;     ///< at the end of a part
