@@ -132,10 +132,13 @@ int main(int argc, char** argv) {
       results["timing"][bench.label()] = time_methods(bench);
     });
     const std::string command = "rbres_paper" + std::string(quick ? " --quick" : "");
+    Json met, better;
     for (const Place& place : places(plan)) {
-      find_met(plan, results, place);
-      find_better(plan, results, place);
+      met[place.label()] = find_met(plan, results, place);
+      better[place.label()] = find_better(plan, results, place);
     }
+    results["met"] = met;
+    results["better"] = better;
     write_text(store.folder() / "results.md", origin(command, commit) + report(plan, results));
     write_csv(plan, results, store.folder() / "tables");
     write_text(store.folder() / "results.json", results.dump(1) + "\n");

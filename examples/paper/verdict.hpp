@@ -30,8 +30,8 @@ inline constexpr Quantity quantities[] = {{"position", "/position"},
 /// results["met"][place]: the longest horizon (s) up to which each of the paper's four figures is met, for
 /// every method of a place, and for truth with its step halved; 0 where it is not met at the shortest that
 /// the method was run at.
-inline void find_met(const Plan& plan, Json& results, const Place& place) {
-  Json& met = results["met"][place.label()];
+inline Json find_met(const Plan& plan, const Json& results, const Place& place) {
+  Json met;
   std::map<std::string, std::array<bool, 4>> ended;
   for (std::size_t h = 0; h < plan.horizons.size(); ++h) {
     std::vector<Method> methods = methods_at(plan, results, place, h);
@@ -47,6 +47,7 @@ inline void find_met(const Plan& plan, Json& results, const Place& place) {
       }
     }
   }
+  return met;
 }
 
 /// One method's error over a network's, seed by seed of the network.
@@ -62,7 +63,8 @@ inline OverSeeds error_ratio(const Method& other, const Method& network, const Q
 
 /// results["better"][place][horizon]: the other methods' errors over those of the residual network (K = 4,
 /// residual target): above 1 the network is better.
-inline void find_better(const Plan& plan, Json& results, const Place& place) {
+inline Json find_better(const Plan& plan, const Json& results, const Place& place) {
+  Json better;
   const std::string ours = "residual K=4, residual target";
   for (std::size_t h = 0; h < plan.horizons.size(); ++h) {
     const std::vector<Method> methods = methods_at(plan, results, place, h);
@@ -73,11 +75,12 @@ inline void find_better(const Plan& plan, Json& results, const Place& place) {
       for (const Method& other : methods) {
         if (&other == &*network || (other.is_network() && other.trained_on != network->trained_on)) continue;
         const OverSeeds ratio = error_ratio(other, *network, q);
-        results["better"][place.label()][digits(plan.horizons[h])][q.name][other.name] = {
+        better[digits(plan.horizons[h])][q.name][other.name] = {
             {"ratio", ratio.mean}, {"deviation", ratio.deviation}, {"seeds", ratio.count}};
       }
     }
   }
+  return better;
 }
 
 /// Up to which time the network's cumulative error is below that of RK4, step by step.
