@@ -249,7 +249,7 @@ class RestingContacts {
   }
 
   /// Where a body has a resting contact and new forces.
-  MaskOf<S> moves(int i) const { return rests_[index(i)] & MaskOf<S>(!kept_.has(i)); }
+  MaskOf<S> moves(int i) const { return kept_.has(i) ? MaskOf<S>(false) : rests_[index(i)]; }
 
  private:
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
