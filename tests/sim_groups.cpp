@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <functional>
 #include <numeric>
 #include <rbres/rbres.hpp>
 #include <vector>
@@ -97,6 +98,21 @@ TEST_CASE("no order of bodies is preferred") {
     CHECK(norm(y[order[std::size_t(i)]].position - turned[i].position) < 1e-9);
 }
 
+/// Sees how energy rises from sample to sample, and how deep bodies overlap.
+struct Watch {
+  const Crowd& world;
+  Vec3<double> gravity;
+  double last;
+  double rise = 0, deepest = 0;
+
+  void operator()(double, const State& now) {
+    const double e = energy(world, now, gravity);
+    rise = std::max(rise, e - last);
+    last = e;
+    for (const auto& contact : contacts(world, now)) deepest = std::min(deepest, contact.gap);
+  }
+};
+
 TEST_CASE("energy never rises, and a heap of clusters comes to rest") {
   for (const double restitution : {0.0, 0.5, 1.0}) {
     CAPTURE(restitution);
@@ -106,19 +122,13 @@ TEST_CASE("energy never rises, and a heap of clusters comes to rest") {
     const Vec3<double> g{0, 0, -9.81};
     auto y = clusters.y;
     const double start = energy(world, y, g);
-    double last = start, rise = 0, deepest = 0;
-    const auto report =
-        simulate(world, y, Gravity{}, Rk4{}, {.step = 2e-3, .duration = 2, .sample_rate = 100},
-                 [&](double, const State& now) {
-                   const double e = energy(world, now, g);
-                   rise = std::max(rise, e - last);
-                   last = e;
-                   for (const auto& contact : contacts(world, now)) deepest = std::min(deepest, contact.gap);
-                 });
+    Watch watch{world, g, start};
+    const auto report = simulate(world, y, Gravity{}, Rk4{},
+                                 {.step = 2e-3, .duration = 2, .sample_rate = 100}, std::ref(watch));
     CHECK(report.impacts > 50);
     CHECK(report.overruns == 0);
-    CHECK(rise < 1e-10 * start);
-    CHECK(deepest > -1e-4);
+    CHECK(watch.rise < 1e-10 * start);
+    CHECK(watch.deepest > -1e-4);
   }
 }
 
@@ -143,19 +153,13 @@ TEST_CASE("bodies that fall into a heap gain no energy and do not overlap") {
   const Crowd world{bodies, pit};
   const Vec3<double> g{0, 0, -9.81};
   const double start = energy(world, y, g);
-  double last = start, rise = 0, deepest = 0;
-  const auto report =
-      simulate(world, y, Gravity{}, Rk4{}, {.step = 2e-3, .duration = 0.7}, [&](double, const State& now) {
-        const double e = energy(world, now, g);
-        rise = std::max(rise, e - last);
-        last = e;
-        for (const auto& contact : contacts(world, now)) deepest = std::min(deepest, contact.gap);
-      });
+  Watch watch{world, g, start};
+  const auto report = simulate(world, y, Gravity{}, Rk4{}, {.step = 2e-3, .duration = 0.7}, std::ref(watch));
   CHECK(report.impacts > 1000);
   CHECK(report.overruns == 0);
-  CHECK(rise < 1e-10 * start);
-  CHECK(last < 0.5 * start);
-  CHECK(deepest > -5e-5);
+  CHECK(watch.rise < 1e-10 * start);
+  CHECK(watch.last < 0.5 * start);
+  CHECK(watch.deepest > -5e-5);
 }
 
 TEST_CASE("islands of resting contacts that an impact does not reach keep their forces, in a crowd") {

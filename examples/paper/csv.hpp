@@ -55,7 +55,8 @@ void for_methods(const Plan& plan, const Json& results, const Each& each) {
   }
 }
 
-/// Writes the tables into a folder: accuracy, families, floor, met, better, rollouts, training and curves.
+/// Writes the tables into a folder: accuracy, families, floor, contacts, met, better, rollouts, training and
+/// curves.
 inline void write_csv(const Plan& plan, const Json& results, const std::filesystem::path& folder) {
   std::filesystem::create_directories(folder);
   const auto write = [&](const std::string& name, const Csv& csv) {

@@ -26,12 +26,12 @@ struct OverSeeds {
 /// One method: a baseline, or what one protocol learned, with its seeds.
 struct Method {
   std::string name;        ///< as in timings
-  std::string trained_on;  ///< scenarios: "20k" for a network, empty for a baseline
+  std::string trained_on;  ///< scenarios: "20k"; empty for a baseline
   std::vector<const Json*> seeds;
 
-  bool is_network() const { return !trained_on.empty(); }
-  /// The name, and of a network the number of scenarios that it learned from.
-  std::string method_title() const { return name + (is_network() ? ", " + trained_on : ""); }
+  bool is_learned() const { return !trained_on.empty(); }
+  /// The name, and of what has learned the number of scenarios.
+  std::string method_title() const { return name + (is_learned() ? ", " + trained_on : ""); }
   /// A figure over the seeds: value("/position").
   OverSeeds value(const std::string& pointer) const {
     std::vector<double> values;
@@ -54,7 +54,8 @@ inline std::vector<Place> places(const Plan& plan) {
   return all;
 }
 
-/// Every method of a place at horizon h: baselines, then networks in the order of the plan.
+/// Every method of a place at horizon h: baselines, then laws and networks in the order of the plan. It
+/// points into the results, which must not grow meanwhile.
 inline std::vector<Method> methods_at(const Plan& plan, const Json& results, const Place& place,
                                       std::size_t h) {
   std::vector<Method> all;

@@ -73,7 +73,7 @@ inline Json find_better(const Plan& plan, const Json& results, const Place& plac
     if (network == methods.end()) continue;
     for (const Quantity& q : {quantities[0], quantities[2]}) {
       for (const Method& other : methods) {
-        if (&other == &*network || (other.is_network() && other.trained_on != network->trained_on)) continue;
+        if (&other == &*network || (other.is_learned() && other.trained_on != network->trained_on)) continue;
         const OverSeeds ratio = error_ratio(other, *network, q);
         better[digits(plan.horizons[h])][q.name][other.name] = {
             {"ratio", ratio.mean}, {"deviation", ratio.deviation}, {"seeds", ratio.count}};
@@ -81,32 +81,6 @@ inline Json find_better(const Plan& plan, const Json& results, const Place& plac
     }
   }
   return better;
-}
-
-/// Up to which time the network's cumulative error is below that of RK4, step by step.
-inline std::string cumulative_verdict(const Json& rollout, const std::vector<double>& times) {
-  const auto cumulative = [&](const std::string& method) {
-    std::vector<double> mean = numbers(rollout.at(method).at("position"));
-    double sum = 0;
-    for (std::size_t i = 0; i < mean.size(); ++i) sum += mean[i], mean[i] = sum / static_cast<double>(i + 1);
-    return mean;
-  };
-  const std::vector<double> ours = cumulative("residual network");
-  std::string text;
-  for (const auto& [method, unused] : rollout.items()) {
-    if (!method.starts_with("RK4")) continue;
-    const std::vector<double> theirs = cumulative(method);
-    std::string below;
-    for (std::size_t i = 0; i < times.size(); ++i) {
-      const bool is_below = ours[i] < theirs[i];
-      if (is_below && (i == 0 || !(ours[i - 1] < theirs[i - 1])))
-        below += (below.empty() ? "" : " and ") + std::string("from ") + digits(times[i]) + " s";
-      if (is_below && (i + 1 == times.size() || !(ours[i + 1] < theirs[i + 1])))
-        below += " to " + digits(times[i]) + " s";
-    }
-    text += (text.empty() ? "" : "; ") + method + ": " + (below.empty() ? "never below" : "below " + below);
-  }
-  return text;
 }
 
 }  // namespace paper
