@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 #include <rbres/contact/contact_pair.hpp>
+#include <rbres/contact/coupled_newton.hpp>
 #include <rbres/contact/island_newton.hpp>
 #include <rbres/contact/pair_newton.hpp>
 #include <rbres/core/reserved.hpp>
@@ -39,7 +40,7 @@ class ContactRows {
   };
 
   explicit ContactRows(const System& system)
-      : newton_(system, rows_of(system)), used_(per_body<MaskOf<S>>(system)) {
+      : coupled_(system, rows_of(system)), newton_(system, rows_of(system)), used_(per_body<MaskOf<S>>(system)) {
     rows_.reserve(rows_of(system));
   }
 
@@ -101,7 +102,7 @@ class ContactRows {
   /// Calls f(row, contact point, first motion, second motion) for each row.
   template <class F>
   void each(Motions& motion, const F& f) {
-    for (Row& row : rows_) with(row, motion, [&](auto& point, auto& a, auto& b) { f(row, point, a, b); });
+    for (Row& row : rows_) with_point(row, motion, [&](auto& point, auto& a, auto& b) { f(row, point, a, b); });
   }
 
   /// Changes the velocities in `motion` until every row obeys its laws, to the tolerance of the smallest
@@ -124,9 +125,9 @@ class ContactRows {
     sweep(motion, where, true, as<S>(1e6) * tolerance_, some);
   }
 
-  /// The same to `tolerance` (m/s), with or without friction. Newton's method settles most single pairs, a
-  /// few sweeps most islands, Newton's method for islands what is left; large heaps, for which that costs too
-  /// much, are swept on, to a coarser tolerance.
+  /// The same to `tolerance` (m/s), with or without friction. Newton's method settles most single pairs and,
+  /// of plain scalars, most small islands; a few sweeps others, the method of multipliers what is left; large
+  /// heaps, for which that costs too much, are swept on, to a coarser tolerance.
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
     constexpr int few = 12, many = 100;
     const S coarse = as<S>(2000.0) * tolerance;
@@ -140,9 +141,10 @@ class ContactRows {
       open = sweep(motion, single, friction, tolerance, few);
     }
     if (any(joint)) {
+      MaskOf<S> left = coupled_.solve(*this, motion, joint, friction, tolerance, coarse);
       // Friction comes second: what it answers before the normals agree only slows it down.
-      MaskOf<S> left = sweep(motion, joint, false, tolerance, few);
-      if (friction) left = sweep(motion, joint, true, tolerance, few);
+      if (any(left)) left = sweep(motion, left, false, tolerance, few);
+      if (any(left) && friction) left = sweep(motion, left, true, tolerance, few);
       open = open | left;
     }
     if (!any(open) || newton_.solve(*this, motion, open, friction, tolerance)) return;
@@ -192,7 +194,7 @@ class ContactRows {
         for (std::size_t k = 0; k < rows_.size(); ++k) {
           Row& row = rows_[back ? rows_.size() - 1 - k : k];
           const MaskOf<S> active = row.active & working;
-          with(row, motion, [&](auto& point, auto& a, auto& b) {
+          with_point(row, motion, [&](auto& point, auto& a, auto& b) {
             worst = maximum(worst, friction ? point.relax(row.target, row.friction, active, a, b)
                                             : point.relax_normal(row.target, active, a, b));
           });
@@ -221,7 +223,7 @@ class ContactRows {
           further[d] = share * row.way[d];
           row.way[d] = further[d] + (row.impulse()[d] - row.before[d]);
         }
-        with(row, motion, [&](auto& point, auto& a, auto& b) { point.add(further, a, b); });
+        with_point(row, motion, [&](auto& point, auto& a, auto& b) { point.add(further, a, b); });
       }
     }
     return open | working;
@@ -230,16 +232,7 @@ class ContactRows {
   static std::size_t rows_of(const System& system) {
     return most_rows<System>(static_cast<std::size_t>(system.size()), system.planes().size());
   }
-  template <class F>
-  static void with(Row& row, Motions& motion, const F& f) {
-    Motion<S>& second = motion[static_cast<std::size_t>(row.who.second)];
-    if (row.plane()) {
-      f(*std::get_if<FixedPoint>(&row.at), second, second);
-    } else {
-      f(*std::get_if<FreePoint>(&row.at), motion[static_cast<std::size_t>(row.who.first)], second);
-    }
-  }
-
+  IslandCoupling<System> coupled_;
   IslandNewton<System> newton_;
   Reserved<Row, row_room<System>> rows_;
   PerBody<MaskOf<S>, System::bodies> used_;  ///< by a pair

@@ -49,6 +49,12 @@ void set_velocities_where(const MaskOf<S>& changed, RigidState<S>& state, const 
   state.angular_velocity = select(changed, next.angular_velocity, state.angular_velocity);
 }
 
+/// A vector whose numbers are f(those of another).
+template <class S, class F>
+auto mapped(const Vec3<S>& v, const F& f) {
+  return Vec3<decltype(f(v.x))>{f(v.x), f(v.y), f(v.z)};
+}
+
 /// The motions of all bodies of a system.
 template <class System>
 using MotionsOf = PerBody<Motion<typename System::Scalar>, System::bodies>;
@@ -72,6 +78,8 @@ void take_velocities(const Bodies& bodies, const Changed& changed, State& y, con
 /// Manifold.
 template <class S, bool Fixed, bool Central = false>
 class ContactPoint {
+  template <class, bool, bool>
+  friend class ContactPoint;
   static constexpr std::size_t arms_from = Central ? 1 : 0;  ///< of the directions that turn a body
 
  public:
@@ -93,6 +101,30 @@ class ContactPoint {
     tangent_response_ = S(0.5) * (uu + vv) +
                         positive_root(S(square(S(S(0.5) * (uu - vv))) + square(uv) + S(Constants<S>::tiny)));
     slip_mass_ = inverse(tangent_response_);
+  }
+
+  /// The same point of other numbers, each of which is f(a number of `other`).
+  template <class Other, class F>
+  ContactPoint(const ContactPoint<Other, Fixed, Central>& other, const F& f)
+      : normal_response_(f(other.normal_response_)),
+        normal_mass_(f(other.normal_mass_)),
+        mass_uu_(f(other.mass_uu_)),
+        mass_uv_(f(other.mass_uv_)),
+        mass_vv_(f(other.mass_vv_)),
+        tangent_response_(f(other.tangent_response_)),
+        slip_mass_(f(other.slip_mass_)) {
+    for (std::size_t d = 0; d < 3; ++d) {
+      direction_[d] = detail::mapped(other.direction_[d], f);
+      second_.arm[d] = detail::mapped(other.second_.arm[d], f);
+      second_.spin[d] = detail::mapped(other.second_.spin[d], f);
+      if constexpr (Fixed) {
+        drift_[d] = f(other.drift_[d]);
+      } else {
+        first_.arm[d] = detail::mapped(other.first_.arm[d], f);
+        first_.spin[d] = detail::mapped(other.first_.spin[d], f);
+      }
+      impulse_[d] = f(other.impulse_[d]);
+    }
   }
 
   /// Velocity of the second surface relative to the first along direction d: 0 the normal, 1 and 2 the

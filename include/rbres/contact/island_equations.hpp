@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <limits>
 #include <rbres/contact/block_profile.hpp>
+#include <rbres/contact/block_square.hpp>
 #include <rbres/contact/impulse.hpp>
 #include <rbres/contact/near_pairs.hpp>
 #include <rbres/core/reserved.hpp>
@@ -30,13 +31,15 @@ inline constexpr std::size_t most_products = 40'000, most_numbers = 10'000;
 constexpr std::size_t most_numbers_of(std::size_t bodies) {
   return std::min(6 * bodies * (6 * bodies + 1) / 2, most_numbers);
 }
+/// Of an island whose equations are not symmetric.
+inline constexpr std::size_t most_coupled_bodies = 12;
 
 /// The linear equations of one step of Newton's method over the velocities of an island's bodies,
 ///   (M + sum of J^T slope J) dv = sum of J^T push - M moved,
-/// with the bodies' masses M and the change of their velocities so far, moved.
-template <class System>
+/// with the bodies' masses M and the change of their velocities so far, moved. `Symmetric`: whether each slope
+/// is. `S`: the system's numbers, or those of one of its lanes.
+template <class System, bool Symmetric, class S = typename System::Scalar>
 class IslandEquations {
-  using S = typename System::Scalar;
   using Jacobian = PointJacobian<S>;
   using Six = typename Jacobian::Line;
 
@@ -45,7 +48,7 @@ class IslandEquations {
   static constexpr std::size_t plane = std::numeric_limits<std::size_t>::max();
 
   explicit IslandEquations(const System& system)
-      : place_(per_body<std::size_t>(system)), matrix_(place_.size(), most_numbers_of(place_.size())) {
+      : place_(per_body<std::size_t>(system)), matrix_(matrix_for(place_.size())) {
     const std::size_t n = place_.size();
     place_.fill(plane);
     bodies_.reserve(n);
@@ -106,7 +109,11 @@ class IslandEquations {
       }
       inertia_.push_back({inverse(m.inverse_mass), symmetric_inverse(m.inverse_inertia)});
     }
-    return matrix_.shape(first_, most_products);
+    if constexpr (Symmetric) {
+      return matrix_.shape(first_, most_products);
+    } else {
+      return matrix_.shape(bodies_.size());
+    }
   }
 
   /// The bodies that have been named, in the order of their places.
@@ -127,9 +134,15 @@ class IslandEquations {
       matrix_(6 * i + 5, 6 * i + 3) = inertia.x.z;
       matrix_(6 * i + 5, 6 * i + 4) = inertia.y.z;
       matrix_(6 * i + 5, 6 * i + 5) = inertia.z.z;
+      if constexpr (!Symmetric) {
+        matrix_(6 * i + 3, 6 * i + 4) = inertia.x.y;
+        matrix_(6 * i + 3, 6 * i + 5) = inertia.x.z;
+        matrix_(6 * i + 4, 6 * i + 5) = inertia.y.z;
+      }
       const Six m = momentum(i, &moved_[6 * i]);
       for (std::size_t d = 0; d < 6; ++d) step_[6 * i + d] = -m[d];
     }
+    if constexpr (!Symmetric) matrix_.weigh();
   }
   /// Adds J^T slope J and J^T push of one point.
   void add(const Jacobian& j, const std::array<Triple<S>, 3>& slope, const Triple<S>& push) {
@@ -140,11 +153,8 @@ class IslandEquations {
     add_block(j.second, j.on_second, slope, j.second, j.on_second);
     if (j.first == plane) return;
     add_block(j.first, j.on_first, slope, j.first, j.on_first);
-    if (j.second > j.first) {
-      add_block(j.second, j.on_second, slope, j.first, j.on_first);
-    } else {
-      add_block(j.first, j.on_first, slope, j.second, j.on_second);
-    }
+    if (!Symmetric || j.second > j.first) add_block(j.second, j.on_second, slope, j.first, j.on_first);
+    if (!Symmetric || j.second < j.first) add_block(j.first, j.on_first, slope, j.second, j.on_second);
   }
   /// Finds the step of the bodies' velocities.
   void solve() {
@@ -187,12 +197,20 @@ class IslandEquations {
  private:
   static constexpr std::size_t room = body_room<System>;
   static constexpr std::size_t number_room = room_for<System>(6 * room);
-  using Matrix = BlockProfile<S, room, room_for<System>(most_numbers_of(room))>;
+  using Matrix = std::conditional_t<Symmetric, BlockProfile<S, room, room_for<System>(most_numbers_of(room))>,
+                                    BlockSquare<S, room_for<System>(std::min(room, most_coupled_bodies))>>;
   struct Inertia {
     S mass;
     Mat3<S> tensor;  ///< world frame
   };
 
+  static Matrix matrix_for(std::size_t bodies) {
+    if constexpr (Symmetric) {
+      return Matrix(bodies, most_numbers_of(bodies));
+    } else {
+      return Matrix(std::min(bodies, most_coupled_bodies));
+    }
+  }
   std::size_t place(int body) {
     std::size_t& at = place_[static_cast<std::size_t>(body)];
     if (at == plane) {
@@ -216,7 +234,7 @@ class IslandEquations {
     }
     for (std::size_t k = 0; k < 6; ++k) {
       S* line = &matrix_(6 * i + k, 6 * j);
-      const std::size_t end = i == j ? k + 1 : 6;
+      const std::size_t end = Symmetric && i == j ? k + 1 : 6;
       for (std::size_t c = 0; c < end; ++c)
         line[c] += left[0][k] * sloped[0][c] + left[1][k] * sloped[1][c] + left[2][k] * sloped[2][c];
     }

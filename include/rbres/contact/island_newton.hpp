@@ -254,7 +254,7 @@ class IslandNewton {
   S stiffness_, best_;  ///< rho times a point's response; the least fault so far, m/s
   Reserved<RowState, row_room<System>> rows_;
   Reserved<Motion<S>, body_room<System>> start_;  ///< of the equations' bodies before the first round
-  IslandEquations<System> equations_;
+  IslandEquations<System, true> equations_;
 };
 
 }  // namespace rbres::RBRES_ABI::detail

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <limits>
 #include <memory>
+#include <rbres/contact/cone_point.hpp>
 #include <rbres/contact/pair_inertia.hpp>
 
 namespace rbres::RBRES_ABI::detail {
@@ -16,10 +17,7 @@ union Unset {
   Unset() {}
 };
 
-/// Newton's method for the impulses p between two bodies at up to P points of one normal. With the velocity
-/// u of a point and its target they are the fixed point of p = projection of p - rho (u - target) onto the
-/// friction cone (Alart and Curnier 1991). The impulses on a face are not unique: equations that are softened
-/// a little (a proximal point method, Rockafellar 1976) pick some, and end where the true ones do. All points
+/// Newton's method for the contact laws between two bodies at up to P points of one normal. All points
 /// together change only the six numbers of the pair's relative motion, so that a step takes six equations.
 template <class S, bool Fixed, std::size_t P>
 class PairNewton {
@@ -41,7 +39,7 @@ class PairNewton {
   template <class Point>
   void add(const Point& point, const S& target, const MaskOf<S>& active) {
     Row& r = *std::construct_at(&rows_[size_++].value);
-    r.active = active;
+    r.take(point, active);
     const auto held = [&](const S& x) { return select(active, x, S(0)); };
     r.arm = {held(dot(point.second_arm(1), frame_.z)), held(-dot(point.second_arm(0), frame_.z)),
              held(dot(point.second_arm(0), frame_.y))};
@@ -50,10 +48,6 @@ class PairNewton {
       const auto& [x, y, z] = point.drift();
       r.target -= Vec3<S>{x, y, z};
     }
-    r.response = {point.normal_response(), point.tangent_response()};
-    r.rho = {inverse(r.response[0]), inverse(r.response[1])};
-    const auto& [normal, u, v] = point.impulse();
-    r.impulse = {held(normal), held(u), held(v)};
     inertia_.respond(-r.impulse, -cross(r.arm, r.impulse), velocity_, spin_);
   }
 
@@ -66,12 +60,7 @@ class PairNewton {
       const S worst = read(friction);
       const MaskOf<S> better = worst < best;
       best = select(better, worst, best);
-      for (std::size_t i = 0; i < size_; ++i) {
-        Row& r = rows_[i].value;
-        r.best[0] = select(better, r.impulse.x, r.best[0]);
-        r.best[1] = select(better, r.impulse.y, r.best[1]);
-        r.best[2] = select(better, r.impulse.z, r.best[2]);
-      }
+      for (std::size_t i = 0; i < size_; ++i) rows_[i].value.keep(better);
       working = working & !(worst <= tolerance);
       if (!any(working) || step == most_steps) return;
       advance(friction, working);
@@ -82,34 +71,19 @@ class PairNewton {
   template <class Point>
   void apply(std::size_t i, const S& friction, Point& point, Motion<S>& first, Motion<S>& second) const {
     const Row& r = rows_[i].value;
-    const S normal = maximum(r.best[0], S(0)), share = inside(r.best[1], r.best[2], friction * normal);
-    std::array<S, 3> change{normal, share * r.best[1], share * r.best[2]};
+    std::array<S, 3> change = r.result(friction);
     for (std::size_t d = 0; d < 3; ++d) change[d] = select(r.active, S(change[d] - point.impulse()[d]), S(0));
     point.add(change, first, second);
   }
 
  private:
-  /// What stands for the zeros on the diagonal of the equations.
-  static constexpr double soft = std::is_same_v<typename Constants<S>::Real, float> ? 1e-4 : 1e-7;
-
-  struct Row {
-    MaskOf<S> active;
-    Vec3<S> arm;                ///< from the second body's centre of mass to the point, m
-    Vec3<S> target;             ///< m/s
-    std::array<S, 2> response;  ///< along the normal, and at most along the surface, 1/kg
-    std::array<S, 2> rho;       ///< its inverse, kg
-    Vec3<S> impulse;            ///< N s
-    std::array<S, 3> best{};    ///< impulse of the best iterate so far, N s
-    Vec3<S> fault;              ///< velocity less target, m/s
-    Vec3<S> moved;              ///< impulse - rho fault, N s
-    // A step changes the impulse by push - slope * change of velocity.
-    Vec3<S> push;   ///< N s
-    Mat3<S> slope;  ///< kg
+  struct Row : ConePoint<S> {
+    Vec3<S> arm;     ///< from the second body's centre of mass to the point, m
+    Vec3<S> target;  ///< m/s
   };
 
   /// What the iterate's impulses leave. Returns by how much the worst law is off, m/s.
   S read(const S& friction) {
-    using std::abs;
     Vec3<S> impulse{S(0), S(0), S(0)}, moment = impulse;
     for (std::size_t i = 0; i < size_; ++i) {
       const Row& r = rows_[i].value;
@@ -121,72 +95,26 @@ class PairNewton {
     S worst(0);
     for (std::size_t i = 0; i < size_; ++i) {
       Row& r = rows_[i].value;
-      r.fault = v + cross(w, r.arm) - r.target;
-      r.moved = r.impulse - Vec3<S>{r.rho[0] * r.fault.x, r.rho[1] * r.fault.y, r.rho[1] * r.fault.z};
-      const S normal = maximum(r.moved.x, S(0));
-      const S share = inside(r.moved.y, r.moved.z, friction * normal);
-      // The fault itself: of a huge impulse its difference from the projection would be nothing but rounding.
-      const S off = select(r.moved.x > S(0), S(abs(r.fault.x)), S(r.response[0] * abs(r.impulse.x)));
-      const S slip =
-          r.response[1] * (abs(share * r.moved.y - r.impulse.y) + abs(share * r.moved.z - r.impulse.z));
-      worst = worse_of<S>(worse_of<S>(worst, r.active, off), r.active, slip);
+      worst = r.read(v + cross(w, r.arm) - r.target, friction, worst);
     }
     return worst;
   }
 
-  /// The share of (u, v) that lies within a circle.
-  static S inside(const S& u, const S& v, const S& radius) {
-    const S length2 = square(u) + square(v);
-    const MaskOf<S> beyond = length2 > square(radius);
-    return select(beyond, S(radius * inverse_root(select(beyond, length2, S(1)))), S(1));
-  }
-
   /// A step where `working`.
   void advance(const S& friction, const MaskOf<S>& working) {
+    constexpr double soft = std::is_same_v<typename Constants<S>::Real, float> ? 1e-4 : 1e-7;
     auto equations = inertia_.equations();
     for (std::size_t i = 0; i < size_; ++i) {
       Row& r = rows_[i].value;
-      linearise(r, friction);
+      r.linearise(friction, soft);
       add_to(equations, r);
     }
     const std::array<S, 6> change = solved(equations);
     const Vec3<S> v{change[0], change[1], change[2]}, w{change[3], change[4], change[5]};
     for (std::size_t i = 0; i < size_; ++i) {
       Row& r = rows_[i].value;
-      const Vec3<S> p = r.push - r.slope * (v + cross(w, r.arm));
-      r.impulse += {select(working, p.x, S(0)), select(working, p.y, S(0)), select(working, p.z, S(0))};
+      r.advance(v + cross(w, r.arm), working);
     }
-  }
-
-  /// Finds push and slope of a point.
-  static void linearise(Row& r, const S& friction) {
-    const S hold = as<S>(1 / soft), theta = as<S>(1 - soft);
-    const MaskOf<S> pushes = r.active & (r.moved.x > S(0));
-    const S normal = select(pushes, S(hold * r.rho[0]), S(0));
-    const S push = select(r.active, select(pushes, S(-normal * r.fault.x), S(-r.impulse.x)), S(0));
-    // Sliding: against the slip friction times the normal impulse, across it what turns the slip.
-    const S most = friction * maximum(r.moved.x, S(0));
-    const S length2 = square(r.moved.y) + square(r.moved.z);
-    const MaskOf<S> slides = length2 > square(most);
-    const S over = inverse_root(select(slides, length2, S(1)));
-    const S dy = over * r.moved.y, dz = over * r.moved.z, share = most * over;
-    const S held = inverse(S(S(1) - theta * select(slides, share, S(1))));
-    const S turn = r.rho[1] * held * select(slides, share, S(1));
-    const S along = r.impulse.y * dy + r.impulse.z * dz, across = r.impulse.z * dy - r.impulse.y * dz;
-    const S onward = most - along + friction * theta * push, back = across * held;
-    const S lean = friction * (r.rho[0] + theta * normal);
-    const auto chosen = [&](const S& slid, const S& stuck) {
-      return select(r.active, select(pushes, select(slides, slid, stuck), S(0)), S(0));
-    };
-    const auto pushed = [&](const S& slid, const S& stuck, const S& impulse) {
-      return select(r.active, select(pushes, select(slides, slid, stuck), S(-impulse)), S(0));
-    };
-    r.push = {push, pushed(onward * dy + back * dz, -turn * r.fault.y, r.impulse.y),
-              pushed(onward * dz - back * dy, -turn * r.fault.z, r.impulse.z)};
-    const S mixed = chosen(-turn * dy * dz, S(0));
-    r.slope = {{normal, chosen(lean * dy, S(0)), chosen(lean * dz, S(0))},
-               {S(0), chosen(turn * dz * dz, turn), mixed},
-               {S(0), mixed, chosen(turn * dy * dy, turn)}};
   }
 
   /// Adds J^T slope J and J^T push, with J = (1, -[arm]x).

@@ -1,0 +1,269 @@
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <limits>
+#include <rbres/contact/cone_point.hpp>
+#include <rbres/contact/contact_pair.hpp>
+#include <rbres/contact/island_equations.hpp>
+#include <variant>
+
+namespace rbres::RBRES_ABI::detail {
+
+/// Calls f(contact point, first motion, second motion) for a row of contact points.
+template <class Row, class Motions, class F>
+void with_point(Row& row, Motions& motion, const F& f) {
+  auto& second = motion[static_cast<std::size_t>(row.who.second)];
+  if (row.plane()) {
+    f(*std::get_if<0>(&row.at), second, second);
+  } else {
+    f(*std::get_if<1>(&row.at), motion[static_cast<std::size_t>(row.who.first)], second);
+  }
+}
+
+/// Newton's method for the contact laws of an island, normals and friction cones at once: as PairNewton, of
+/// any number of bodies and normals. It finds the impulses in a few steps where it starts near enough to them,
+/// and need not find them elsewhere. `S`: the system's plain scalar, or that of one of its lanes.
+template <class System, class S>
+class CoupledNewton {
+ public:
+  CoupledNewton(const System& system, std::size_t most_rows) : equations_(system) {
+    rows_.reserve(most_rows);
+    start_.reserve(static_cast<std::size_t>(system.size()));
+  }
+
+  /// Changes the impulses of `rows` (ContactRows) and the velocities in `motion`, to the best that it finds:
+  /// until no law is off by more than `tolerance` (m/s), or none gets better. True where none is off by more
+  /// than `coarse`.
+  template <class Rows, class Motions>
+  bool solve(Rows& rows, Motions& motion, bool friction, const S& tolerance, const S& coarse) {
+    constexpr int most_steps = 30, patience = 8;
+    constexpr double least_soft = std::is_same_v<typename Constants<S>::Real, float> ? 1e-3 : 1e-5;
+    if (!take_up(rows, motion, friction)) return false;
+    double soft = 1;
+    int since = 0;  // steps since it got better by half
+    S last(std::numeric_limits<typename Constants<S>::Real>::max()), best = last, mark = last;
+    for (int step = 0;; ++step) {
+      const S worst = read(rows, motion);
+      // Soft at first, or points of one face whose targets differ would take turns.
+      if (worst < last) soft = std::max(0.1 * soft, least_soft);
+      last = worst;
+      since = worst < as<S>(0.5) * mark ? 0 : since + 1;
+      if (since == 0) mark = worst;
+      if (worst < best) {
+        best = worst;
+        for (RowState& r : rows_) r.keep(true);
+      }
+      if (best <= tolerance || step == most_steps || since == patience) break;
+      advance(rows, motion, soft);
+    }
+    // From the start again: impulses that have been huge on the way leave their rounding errors behind.
+    for (std::size_t i = 0; i < start_.size(); ++i)
+      motion[static_cast<std::size_t>(equations_.bodies()[i])] = start_[i];
+    std::size_t k = 0;
+    rows.each(motion, [&](auto&, auto& point, auto& first, auto& second) {
+      const RowState& r = rows_[k++];
+      Triple<S> change = r.result(r.friction);
+      for (std::size_t d = 0; d < 3; ++d) change[d] -= r.start[d];
+      point.restore(r.start);
+      if (r.active) point.add(change, first, second);
+    });
+    return best <= coarse;
+  }
+
+ private:
+  struct RowState : ConePoint<S> {
+    PointJacobian<S> jacobian;
+    S friction;
+    Triple<S> start;  ///< impulse before the first step, N s
+  };
+
+  /// Takes up the rows of an island. False where it is too large.
+  template <class Rows, class Motions>
+  bool take_up(Rows& rows, Motions& motion, bool friction) {
+    rows_.clear();
+    equations_.clear();
+    rows.each(motion, [&](auto& row, auto& point, auto&, auto&) {
+      RowState& r = rows_.emplace_back();
+      r.take(point, row.active);
+      r.jacobian = equations_.jacobian(row.who, row.moved, point);
+      r.friction = friction ? row.friction : S(0);
+      r.start = point.impulse();
+    });
+    start_.clear();
+    for (const int body : equations_.bodies()) start_.push_back(motion[static_cast<std::size_t>(body)]);
+    if (!equations_.shape(motion)) return false;
+    equations_.stay();
+    return true;
+  }
+
+  /// Returns by how much the worst law is off, m/s.
+  template <class Rows, class Motions>
+  S read(Rows& rows, Motions& motion) {
+    S worst(0);
+    std::size_t k = 0;
+    rows.each(motion, [&](auto& row, auto& point, auto& first, auto& second) {
+      RowState& r = rows_[k++];
+      const Vec3<S> fault{point.velocity(0, first, second) - row.target, point.velocity(1, first, second),
+                          point.velocity(2, first, second)};
+      worst = r.read(fault, r.friction, worst);
+    });
+    return worst;
+  }
+
+  /// Goes a step. `soft` as in ConePoint.
+  template <class Rows, class Motions>
+  void advance(Rows& rows, Motions& motion, double soft) {
+    equations_.start();
+    for (RowState& r : rows_) {
+      r.linearise(r.friction, soft);
+      const auto& [x, y, z] = r.slope;
+      equations_.add(r.jacobian, {{{x.x, y.x, z.x}, {x.y, y.y, z.y}, {x.z, y.z, z.z}}},
+                     {r.push.x, r.push.y, r.push.z});
+    }
+    equations_.solve();
+    std::size_t k = 0;
+    rows.each(motion, [&](auto&, auto& point, auto& first, auto& second) {
+      RowState& r = rows_[k++];
+      const Triple<S> change = equations_.change(r.jacobian);
+      const Vec3<S> before = r.impulse;
+      r.advance({change[0], change[1], change[2]}, r.active);
+      const Vec3<S> step = r.impulse - before;
+      point.add({step.x, step.y, step.z}, first, second);
+    });
+  }
+
+  Reserved<RowState, row_room<System>> rows_;
+  Reserved<Motion<S>, body_room<System>> start_;  ///< of the equations' bodies before the first step
+  IslandEquations<System, false, S> equations_;
+};
+
+/// The contact points of one lane, as ContactRows has those of all.
+template <class System>
+class LaneRows {
+  using S = typename System::Scalar;
+  using Lanes = ScalarTraits<S>;
+  using T = typename Lanes::Value;
+
+ public:
+  /// Of all bodies.
+  using Motions = PerBody<Motion<T>, System::bodies>;
+
+  LaneRows(const System& system, std::size_t most_rows) : motion_(per_body<Motion<T>>(system)) {
+    rows_.reserve(most_rows);
+  }
+
+  Motions& motion() { return motion_; }
+
+  /// Takes up those of the rows that are active in a lane, and its motions.
+  template <class Rows, class AllMotions>
+  void take(Rows& rows, AllMotions& motion, int lane) {
+    const auto of_lane = [&](const S& x) { return Lanes::lane(x, lane); };
+    for (std::size_t i = 0; i < motion_.size(); ++i) {
+      const Motion<S>& m = motion[i];
+      const auto& [x, y, z] = m.inverse_inertia;
+      motion_[i] = {mapped(m.position, of_lane),
+                    mapped(m.velocity, of_lane),
+                    mapped(m.angular_velocity, of_lane),
+                    of_lane(m.inverse_mass),
+                    {mapped(x, of_lane), mapped(y, of_lane), mapped(z, of_lane)}};
+    }
+    rows_.clear();
+    rows.each(motion, [&](auto& row, auto& point, auto&, auto&) {
+      if (!row.active[lane]) return;
+      Row& r = rows_.emplace_back();
+      r.who = row.who;
+      r.moved = row.moved;
+      r.active = true;
+      r.target = of_lane(row.target);
+      r.friction = of_lane(row.friction);
+      if (row.plane()) {
+        if constexpr (requires { point.drift(); }) r.at.template emplace<FixedPoint>(point, of_lane);
+      } else {
+        if constexpr (!requires { point.drift(); }) r.at.template emplace<FreePoint>(point, of_lane);
+      }
+    });
+  }
+  /// Gives the lane of `rows` and `motion` the impulses and velocities here.
+  template <class Rows, class AllMotions>
+  void give(Rows& rows, AllMotions& motion, int lane) const {
+    std::size_t k = 0;
+    rows.each(motion, [&](auto& row, auto& point, auto&, auto&) {
+      if (!row.active[lane]) return;
+      const Triple<T> here = std::visit([](const auto& p) { return p.impulse(); }, rows_[k++].at);
+      Triple<S> impulse = point.impulse();
+      for (std::size_t d = 0; d < 3; ++d) Lanes::set_lane(impulse[d], lane, here[d]);
+      point.restore(impulse);
+    });
+    const auto set = [&](Vec3<S>& to, const Vec3<T>& from) {
+      Lanes::set_lane(to.x, lane, from.x);
+      Lanes::set_lane(to.y, lane, from.y);
+      Lanes::set_lane(to.z, lane, from.z);
+    };
+    for (std::size_t i = 0; i < motion_.size(); ++i) {
+      set(motion[i].velocity, motion_[i].velocity);
+      set(motion[i].angular_velocity, motion_[i].angular_velocity);
+    }
+  }
+
+  /// As ContactRows::each.
+  template <class F>
+  void each(Motions& motion, const F& f) {
+    for (Row& row : rows_) with_point(row, motion, [&](auto& point, auto& a, auto& b) { f(row, point, a, b); });
+  }
+
+ private:
+  using FixedPoint = ContactPoint<T, true>;
+  using FreePoint = ContactPoint<T, false>;
+  struct Row {
+    Candidate who, moved;
+    bool active;
+    T target, friction;
+    std::variant<FixedPoint, FreePoint> at;
+
+    bool plane() const { return who.first < 0; }
+  };
+
+  Reserved<Row, row_room<System>> rows_;
+  Motions motion_;
+};
+
+/// CoupledNewton for a system's numbers: in lanes one by one, since each takes its own steps.
+template <class System>
+class IslandCoupling {
+  using S = typename System::Scalar;
+  using Lanes = ScalarTraits<S>;
+  using Value = typename Lanes::Value;
+
+ public:
+  IslandCoupling(const System& system, std::size_t most_rows)
+      : newton_(system, most_rows), lane_(system, most_rows) {}
+
+  /// As CoupledNewton::solve, in the lanes `where`. Returns those in which laws are still off.
+  template <class Rows, class Motions>
+  MaskOf<S> solve(Rows& rows, Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance,
+                  const S& coarse) {
+    if constexpr (!Packed<S>) {
+      return where && !newton_.solve(rows, motion, friction, tolerance, coarse);
+    } else {
+      S open(0);
+      for (int l = 0; l < Lanes::lanes; ++l) {
+        if (!where[l]) continue;
+        lane_.take(rows, motion, l);
+        if (!newton_.solve(lane_, lane_.motion(), friction, Lanes::lane(tolerance, l), Lanes::lane(coarse, l)))
+          Lanes::set_lane(open, l, Value(1));
+        lane_.give(rows, motion, l);
+      }
+      return open > S(0);
+    }
+  }
+
+ private:
+  struct NoLanes {
+    NoLanes(const System&, std::size_t) {}
+  };
+  CoupledNewton<System, Value> newton_;
+  std::conditional_t<Packed<S>, LaneRows<System>, NoLanes> lane_;
+};
+
+}  // namespace rbres::RBRES_ABI::detail
