@@ -1,8 +1,10 @@
 // Systems whose type says how many planes there is room for: the same bits as others, and no heap.
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <array>
 #include <rbres/sim/batch.hpp>
+#include <vector>
 
 #include "../examples/common/count_allocations.hpp"
 #include "error_of.hpp"
@@ -51,6 +53,40 @@ TEST_CASE("room in the type changes no bit and takes nothing from the heap") {
     CHECK(allocations == before);
     CHECK(fixed == heap);
   }
+}
+
+TEST_CASE("an observer hears as many impulses as there are, whatever the room") {
+  struct Heard {
+    std::vector<Impact<double>> impulses;
+    void impact(const Impact<double>& impulse) { impulses.push_back(impulse); }
+  };
+  // A box that falls flat on the one plane, and an elastic ball that meets two planes many times in a step.
+  const auto listen = [](const auto& system, SystemState<double, 1> y, double step) {
+    Heard heard;
+    const auto report = simulate(system, y, Gravity{}, Rk4{}, {.step = step, .duration = 0.5}, heard);
+    CHECK(report.status == SimulationStatus::finished);
+    return heard.impulses;
+  };
+  const auto equal = [](const Impact<double>& a, const Impact<double>& b) {
+    return a.time == b.time && a.first == b.first && a.point == b.point && a.impulse == b.impulse;
+  };
+  const auto check_equal = [&](const auto& fixed, const auto& heap, const SystemState<double, 1>& y,
+                               double step, std::size_t least) {
+    const auto a = listen(fixed, y, step), b = listen(heap, y, step);
+    CHECK(a.size() >= least);
+    CHECK(std::equal(a.begin(), a.end(), b.begin(), b.end(), equal));
+  };
+  SystemState<double, 1> y;
+  y[0].position.z = 0.3;
+  const Body box(Box{0.1, 0.1, 0.1}, 1.0, Material{0.3, 0.5});
+  check_equal(System<double, 1, Box<double>, 1>({box}, {floor_plane<double>()}),
+              System<double, 1, Box<double>>({box}, {floor_plane<double>()}), y, 1e-3, 8);
+  y[0].velocity.z = -20;
+  const Material<double> elastic{1.0, 0.0};
+  const Body ball(Sphere{0.1}, 1.0, elastic);
+  const Plane<double> floor = floor_plane(elastic), ceiling{{0, 0, -1}, -0.5, elastic};
+  check_equal(System<double, 1, Sphere<double>, 2>({ball}, {floor, ceiling}),
+              System<double, 1, Sphere<double>>({ball}, {floor, ceiling}), y, 0.05, 20);
 }
 
 TEST_CASE("a system of lanes has the same room") {

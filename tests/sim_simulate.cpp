@@ -386,6 +386,34 @@ TEST_CASE("what overlaps the floor a little is pushed out, with friction or with
   }
 }
 
+TEST_CASE("an overlap opens slowly however short the step") {
+  const Vec3<double> gravity{0, 0, -9.81};
+  const auto check_gain = [&](const auto& body, double height) {
+    const System<double, 1, std::decay_t<decltype(body.shape())>> system{{body},
+                                                                         {floor_plane(body.material())}};
+    for (const double depth : {1e-4, 1e-6}) {
+      for (const double h : {1e-3, 1e-6, 1e-9, 1e-12, 1e-15, 1e-30}) {
+        CAPTURE(depth);
+        CAPTURE(h);
+        SystemState<double, 1> y;
+        y[0].position.z = height - depth;
+        const double before = energy(system, y, gravity);
+        Stepper stepper(system, Gravity{}, Rk4{}, SimulationOptions{.step = 1e-3});
+        for (int k = 0; k < 100; ++k) stepper.step(y, k * h, h);
+        // What pushes it out of the overlap, and the fall from rest of 5e-7 of its size.
+        const double weight = 9.81 * body.mass();
+        CHECK(energy(system, y, gravity) - before <= weight * (depth + 6e-7 * body.bounding_radius()));
+      }
+    }
+  };
+  for (const double friction : {0.0, 0.5}) {
+    const Material<double> m{0.1, friction};
+    check_gain(Body(Box{0.1, 0.1, 0.07}, 1.0, m), 0.07);
+    check_gain(Body(Sphere{0.1}, 1.0, m), 0.1);
+    check_gain(Body(Box{10.0, 10.0, 7.0}, 1.0, m), 7.0);
+  }
+}
+
 TEST_CASE("edges that slide deeper while their face's points leave cost no events") {
   const Material<double> smooth{0, 0};
   const System<double, 2, Box<double>> system{

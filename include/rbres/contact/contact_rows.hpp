@@ -40,7 +40,9 @@ class ContactRows {
   };
 
   explicit ContactRows(const System& system)
-      : coupled_(system, rows_of(system)), newton_(system, rows_of(system)), used_(per_body<MaskOf<S>>(system)) {
+      : coupled_(system, rows_of(system)),
+        newton_(system, rows_of(system)),
+        used_(per_body<MaskOf<S>>(system)) {
     rows_.reserve(rows_of(system));
   }
 
@@ -102,7 +104,8 @@ class ContactRows {
   /// Calls f(row, contact point, first motion, second motion) for each row.
   template <class F>
   void each(Motions& motion, const F& f) {
-    for (Row& row : rows_) with_point(row, motion, [&](auto& point, auto& a, auto& b) { f(row, point, a, b); });
+    for (Row& row : rows_)
+      with_point(row, motion, [&](auto& point, auto& a, auto& b) { f(row, point, a, b); });
   }
 
   /// Changes the velocities in `motion` until every row obeys its laws, to the tolerance of the smallest

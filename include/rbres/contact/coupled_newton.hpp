@@ -22,8 +22,8 @@ void with_point(Row& row, Motions& motion, const F& f) {
 }
 
 /// Newton's method for the contact laws of an island, normals and friction cones at once: as PairNewton, of
-/// any number of bodies and normals. It finds the impulses in a few steps where it starts near enough to them,
-/// and need not find them elsewhere. `S`: the system's plain scalar, or that of one of its lanes.
+/// any number of bodies and normals. It finds the impulses in a few steps where it starts near enough to
+/// them, and need not find them elsewhere. `S`: the system's plain scalar, or that of one of its lanes.
 template <class System, class S>
 class CoupledNewton {
  public:
@@ -46,7 +46,7 @@ class CoupledNewton {
     for (int step = 0;; ++step) {
       const S worst = read(rows, motion);
       // Soft at first, or points of one face whose targets differ would take turns.
-      if (worst < last) soft = std::max(0.1 * soft, least_soft);
+      soft = worst < last ? std::max(0.1 * soft, least_soft) : std::min(10 * soft, 0.1);
       last = worst;
       since = worst < as<S>(0.5) * mark ? 0 : since + 1;
       if (since == 0) mark = worst;
@@ -209,7 +209,8 @@ class LaneRows {
   /// As ContactRows::each.
   template <class F>
   void each(Motions& motion, const F& f) {
-    for (Row& row : rows_) with_point(row, motion, [&](auto& point, auto& a, auto& b) { f(row, point, a, b); });
+    for (Row& row : rows_)
+      with_point(row, motion, [&](auto& point, auto& a, auto& b) { f(row, point, a, b); });
   }
 
  private:
@@ -250,7 +251,8 @@ class IslandCoupling {
       for (int l = 0; l < Lanes::lanes; ++l) {
         if (!where[l]) continue;
         lane_.take(rows, motion, l);
-        if (!newton_.solve(lane_, lane_.motion(), friction, Lanes::lane(tolerance, l), Lanes::lane(coarse, l)))
+        if (!newton_.solve(lane_, lane_.motion(), friction, Lanes::lane(tolerance, l),
+                           Lanes::lane(coarse, l)))
           Lanes::set_lane(open, l, Value(1));
         lane_.give(rows, motion, l);
       }

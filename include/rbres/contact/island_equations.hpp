@@ -36,8 +36,8 @@ inline constexpr std::size_t most_coupled_bodies = 12;
 
 /// The linear equations of one step of Newton's method over the velocities of an island's bodies,
 ///   (M + sum of J^T slope J) dv = sum of J^T push - M moved,
-/// with the bodies' masses M and the change of their velocities so far, moved. `Symmetric`: whether each slope
-/// is. `S`: the system's numbers, or those of one of its lanes.
+/// with the bodies' masses M and the change of their velocities so far, moved. `Symmetric`: whether each
+/// slope is. `S`: the system's numbers, or those of one of its lanes.
 template <class System, bool Symmetric, class S = typename System::Scalar>
 class IslandEquations {
   using Jacobian = PointJacobian<S>;

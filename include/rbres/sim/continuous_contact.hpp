@@ -9,7 +9,7 @@
 #include <rbres/contact/step_groups.hpp>
 #include <rbres/dynamics/free_flight.hpp>
 #include <rbres/sim/discrete_contact.hpp>
-#include <rbres/sim/observer.hpp>
+#include <rbres/sim/impact_log.hpp>
 #include <rbres/sim/options.hpp>
 #include <rbres/sim/resting_contacts.hpp>
 #include <utility>
@@ -45,33 +45,30 @@ class ContinuousContact {
         motion_(detail::per_body<Motion<S>>(system)),
         end_motion_(motion_),
         probe_(free_),
-        apart_(system) {
-    heard_.reserve(detail::most_pairs(system));
-  }
+        log_(system),
+        apart_(system) {}
 
-  /// Takes y from t to t + h. `observer` may have impact(Impact), called at the end of the step for each
-  /// impulse of an impact, or impact(time, before, after), called with the states around each group of
-  /// simultaneous impacts (plain scalars only); for the latter all bodies are at one time, so that more than
-  /// a few cost more and come to other roundings. Where a number is no longer finite, neither is
-  /// the state that is left.
+  /// Takes y from t to t + h. `observer` may have impact(Impact), called for each impulse of an impact in
+  /// order of time (at the end of a step that is done group by group), or impact(time, before, after), called
+  /// with the states around each group of simultaneous impacts (plain scalars only); for the latter all
+  /// bodies are at one time, so that more than a few cost more and come to other roundings. Where a number is
+  /// no longer finite, neither is the state that is left.
   template <class Model, class Integrator, class Observer>
   void step(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
             Observer& observer, ContactTally<S>& tally) {
     resting_.continue_from(y);
-    heard_.clear();
     if constexpr (grouped<Model, Observer>) {
       if (step_groups(forces, integrator, y, t, h, observer, tally)) {
         resting_.end_step(y);
-        tell(observer);
         return;
       }
     }
+    log_.start_step(false);
     bodies_ = all();
     S now = t;
     const S left = advance(forces, integrator, y, now, h, observer, tally, [](const auto&) { return true; });
     finish(forces, integrator, y, now, left, tally);
     resting_.end_step(y);
-    tell(observer);
   }
 
  private:
@@ -113,6 +110,7 @@ class ContinuousContact {
     const ContactTally<S> tally_before = tally;
     for (const int i : groups.alone()) y[i] = free_[i];
     resting_.memory().start_groups();
+    log_.start_step(true);
     for (std::size_t k = 0; k < groups.count(); ++k) {
       bodies_ = groups[k];
       for (const int i : bodies_) y[i] = start[i];  // other groups have moved its kinematic bodies
@@ -122,7 +120,6 @@ class ContinuousContact {
                              [&](const auto& way) { return groups.hold(bodies_, start, y, way); });
       if (left > S(0) || impacts_.unresolved()) {
         resting_.memory().undo_groups();
-        heard_.clear();
         y = start;
         tally = tally_before;
         return false;
@@ -130,6 +127,7 @@ class ContinuousContact {
       resting_.memory().end_group();
     }
     resting_.memory().end_groups();
+    if constexpr (detail::HearsImpulses<Observer, S>) log_.end_groups(observer);
     bodies_ = groups.kinematic();
     for (const int i : bodies_) free_[i] = start[i];
     detail::fly_each_on(*system_, bodies_, forces, integrator, free_, t, h, NoPush{});
@@ -137,31 +135,20 @@ class ContinuousContact {
     return true;
   }
 
-  /// Resolves the impacts of this instant, and keeps them where the observer asks for impulses.
+  /// Resolves the impacts of this instant; the observer may hear their impulses.
   template <class Observer>
-  MaskOf<S> resolve_impacts(Pairs& pairs, const S& now, ContactTally<S>& tally) {
+  MaskOf<S> resolve_impacts(Pairs& pairs, const S& now, Observer& observer, ContactTally<S>& tally) {
     if constexpr (!Packed<S> && detail::HearsImpulses<Observer, S>) {
-      const auto keep = [&](const Candidate& who, const Vec3<S>& normal, const Vec3<S>& point,
+      const auto hear = [&](const Candidate& who, const Vec3<S>& normal, const Vec3<S>& point,
                             const Vec3<S>& impulse) {
         if (squared_norm(impulse) > S(0))
-          heard_.push_back({now, who.first, who.second, point, normal, impulse});
+          log_.hear(Impact<S>{now, who.first, who.second, point, normal, impulse}, observer);
       };
-      return impacts_.resolve(bodies_, pairs, motion_, tally.impacts, keep);
+      return impacts_.resolve(bodies_, pairs, motion_, tally.impacts, hear);
     } else {
       return impacts_.resolve(bodies_, pairs, motion_, tally.impacts, detail::Unheard{});
     }
   }
-  /// Tells the observer of the step's impacts in their order: those of groups are sorted by time.
-  template <class Observer>
-  void tell(Observer& observer) {
-    if constexpr (!Packed<S> && detail::HearsImpulses<Observer, S>) {
-      const auto earlier = [](const Impact<S>& a, const Impact<S>& b) { return a.time < b.time; };
-      for (auto at = heard_.begin(); at != heard_.end(); ++at)
-        std::rotate(std::upper_bound(heard_.begin(), at, *at, earlier), at, at + 1);
-      for (const Impact<S>& impact : heard_) observer.impact(impact);
-    }
-  }
-
   /// Takes bodies_ of y from `now` on by h, until its event cap is met or they no longer `hold` to the ways
   /// (m) that they may go. Returns how much of h is left.
   template <class Model, class Integrator, class Observer, class Hold>
@@ -202,7 +189,7 @@ class ContinuousContact {
       detail::measure(*system_, y, motion_, running, pairs);
 
       // Resolve the impacts of this instant.
-      if (!resolved && any(resolve_impacts<Observer>(pairs, now, tally))) {
+      if (!resolved && any(resolve_impacts(pairs, now, observer, tally))) {
         for (const int i : bodies_) free_[i] = y[i];
         detail::take_velocities(
             bodies_, [&](int i) { return impacts_.changed(i); }, free_, motion_);
@@ -369,8 +356,7 @@ class ContinuousContact {
   State part_end_;                            ///< where the present part of the step ends
   Motions motion_, end_motion_;               ///< where the part begins and ends
   State probe_;                               ///< for the search of an impact
-  detail::Reserved<Impact<S>, detail::pair_room<System>>
-      heard_;  ///< of this step, where the observer asks for impulses
+  detail::ImpactLog<System> log_;
   std::conditional_t<System::bodies == dynamic, Apart, Together> apart_;
 };
 

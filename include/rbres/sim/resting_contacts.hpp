@@ -107,7 +107,7 @@ class RestingContacts {
       if (!any(slow)) continue;
       stopped = stopped | slow;
       take_up(pairs, island, [&](std::size_t, const Pair& pair, std::size_t i) {
-        const S target = minimum(closing(pair.manifold, i, pull), S(0));
+        const S target = minimum(closing(pair, pair.manifold, i, pull), S(0));
         rows_.add(pair, pair.manifold, i, pair.resting[i], target, pair.surface.friction, motion);
       });
       within_step_ ? rows_.sweep_within_step(motion, slow) : rows_.solve(motion, slow);
@@ -143,7 +143,7 @@ class RestingContacts {
       }
       turn_halfway(pairs, island, y, motion, left);
       take_up(pairs, island, [&](std::size_t k, const Pair& pair, std::size_t i) {
-        const S target = closing(pair.manifold, i, pull) - pair.speed[i];
+        const S target = closing(pair, pair.manifold, i, pull) - pair.speed[i];
         const auto add = [&](const typename Pair::Contact& there) -> auto& {
           return rows_.add(pair, there, i, pair.resting[i], target, pair.surface.friction, end_);
         };
@@ -231,7 +231,7 @@ class RestingContacts {
           const MaskOf<S> near = at_end.gap[i] <= pair.near;  // points may have changed places
           const MaskOf<S> resting = pair.fixed_points() ? pair.resting[i] : pair.any_resting & near;
           if (any(resting))
-            rows_.add(pair, at_end, i, resting, closing(at_end, i, pull), pair.surface.friction, end_);
+            rows_.add(pair, at_end, i, resting, closing(pair, at_end, i, pull), pair.surface.friction, end_);
         }
       }
       const MaskOf<S> every(true);
@@ -299,9 +299,10 @@ class RestingContacts {
     }
   }
 
-  /// The least speed (m/s) at which a resting point is to leave: gaps close slowly, overlaps open slowly.
-  static S closing(const typename Pair::Contact& contact, std::size_t i, const S& pull) {
-    return -pull * contact.gap[i];
+  /// The least speed (m/s) at which a resting point is to leave: gaps close slowly, and overlaps open slowly,
+  /// however short the step.
+  static S closing(const Pair& pair, const typename Pair::Contact& contact, std::size_t i, const S& pull) {
+    return minimum(S(-pull * contact.gap[i]), S(as<S>(1e-3) * pair.speed_scale));
   }
 
   const System* system_;
