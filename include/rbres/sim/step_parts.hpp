@@ -1,0 +1,276 @@
+#pragma once
+
+#include <algorithm>
+#include <limits>
+#include <rbres/contact/impact_search.hpp>
+#include <rbres/contact/impacts.hpp>
+#include <rbres/contact/pair_search.hpp>
+#include <rbres/dynamics/free_flight.hpp>
+#include <rbres/sim/impact_log.hpp>
+#include <rbres/sim/options.hpp>
+#include <rbres/sim/resting_contacts.hpp>
+#include <utility>
+
+namespace rbres::RBRES_ABI::detail {
+
+/// Where `bodies` are h seconds from t after y without impacts.
+template <class System, class Model, class Integrator, class S, class Push = NoPush>
+void fly_bodies(const System& system, const BodyIndices<System::bodies>& bodies, const Model& forces,
+                const Integrator& integrator, const typename System::State& y, const S& t, const S& h,
+                typename System::State& end, const Push& push = {}) {
+  for (const int i : bodies) end[i] = y[i];
+  if constexpr (is_local<Model, S, typename System::Shape>) {
+    fly_each_on(system, bodies, forces, integrator, end, t, h, push);
+  } else {
+    fly_on(system, forces, integrator, end, t, h, push);
+  }
+}
+
+/// Takes bodies through a step part by part, each up to the next impact: finds the pairs that may touch,
+/// resolves the impacts of the instant, finds the forces of resting contacts, and advances.
+template <class System>
+class StepParts {
+  using S = typename System::Scalar;
+  using State = typename System::State;
+  using Pairs = ContactPairs<System>;
+  using Motions = MotionsOf<System>;
+  using Bodies = BodyIndices<System::bodies>;
+
+ public:
+  StepParts(const System& system, const SimulationOptions& options)
+      : system_(&system),
+        options_(options),
+        in_crowd_(is_crowd(system)),
+        search_(system, as<S>(options.rest_speed)),
+        impacts_(system),
+        resting_(system),
+        free_(state_of(system)),
+        part_end_(free_),
+        motion_(per_body<Motion<S>>(system)),
+        end_motion_(motion_),
+        probe_(free_),
+        log_(system) {}
+
+  /// A step from y; what does not come out of the last one owes nothing to it.
+  void start_step(const State& y) { resting_.continue_from(y); }
+  void end_step(const State& y) { resting_.end_step(y); }
+  /// What resting contacts know of their forces.
+  ContactMemory<System>& memory() { return resting_.memory(); }
+  /// What tells an observer of impulses.
+  ImpactLog<System>& log() { return log_; }
+  /// Where advance() met a press of bodies that no impulse lets part.
+  MaskOf<S> unresolved() const { return impacts_.unresolved(); }
+
+  /// Where `bodies` would be h seconds from t after y without impacts: free().
+  template <class Model, class Integrator>
+  void fly_freely(const Bodies& bodies, const Model& forces, const Integrator& integrator, const State& y,
+                  const S& t, const S& h) {
+    bodies_ = bodies;
+    fly_to(free_, forces, integrator, y, t, h);
+    search_.start_part(bodies_);
+  }
+  const State& free() const { return free_; }
+  /// How far (m) each body gets in that time.
+  const auto& ways(const State& y, const S& h) { return search_.ways(bodies_, y, free_, h); }
+
+  /// Returns the running lanes in which a number on the way to free(), or its square, is not finite; there
+  /// the position of its body in y says so, too.
+  MaskOf<S> mark_faults(const typename PairSearch<System>::Ways& way, const MaskOf<S>& running,
+                        State& y) const {
+    constexpr auto nan = std::numeric_limits<typename Constants<S>::Real>::quiet_NaN();
+    MaskOf<S> faulty(false);
+    for (const int i : bodies_) {
+      const RigidState<S>& ahead = free_[i];
+      const Quat<S>& q = ahead.orientation;
+      const S all_of_it =
+          way[static_cast<std::size_t>(i)] + norm(ahead.velocity) + norm(ahead.angular_velocity) + q.x + q.w;
+      const MaskOf<S> unfit = running & !is_finite(all_of_it);
+      faulty = faulty | unfit;
+      y[i].position.x = select(unfit, S(nan), y[i].position.x);
+    }
+    return faulty;
+  }
+
+  /// Takes `bodies` of y from `now` on by h, until its event cap is met or they no longer `hold` to the ways
+  /// (m) that they may go. Returns how much of h is left.
+  template <class Model, class Integrator, class Observer, class Hold>
+  S advance(const Bodies& bodies, const Model& forces, const Integrator& integrator, State& y, S& now,
+            const S& h, Observer& observer, ContactTally<S>& tally, const Hold& hold) {
+    bodies_ = bodies;
+    impacts_.start_step(bodies_);
+    resting_.start_step(bodies_);
+    search_.start_part(bodies_);
+    S left = h;
+    MaskOf<S> lost(false);  // too far for one step, or without an end of impacts
+    bool resolved = false;  // the impacts of this instant
+    S longest = h;          // part that can be computed at once
+    for (int event = 0; event < options_.max_events; ++event) {
+      lost = lost | impacts_.unresolved();  // bodies in a press: no impulse lets all points part
+      MaskOf<S> running = (left > S(0)) & !lost;
+      if (!any(running)) break;
+      // No rest is left that is a rounding error: forces over such a part would be, too.
+      const S ahead = select(left < as<S>(1.25) * longest, left, longest);
+      // Resting contacts close a tenth of their gap in a step, and more where its parts must be short.
+      const S pull = maximum(S(as<S>(0.1) / h), select(longest < h, S(as<S>(0.5) / longest), S(0)));
+
+      // Find the pairs that may touch before the step is over.
+      fly_to(free_, forces, integrator, y, now, ahead);
+      const auto& ways = search_.ways(bodies_, y, free_, ahead);
+      const MaskOf<S> faulty = mark_faults(ways, running, y);
+      left = select(faulty, S(0), left);
+      running = running & !faulty;
+      if (!hold(ways)) return left;
+      Pairs& pairs = search_.find(bodies_, y, running);
+      if (pairs.empty()) {
+        replace(running, free_, y);
+        left = select(running, S(left - ahead), left);
+        now = now + ahead;
+        continue;
+      }
+
+      set_motions(*system_, bodies_, y, motion_);
+      measure(*system_, y, motion_, running, pairs);
+
+      // Resolve the impacts of this instant.
+      if (!resolved && any(resolve_impacts(pairs, now, observer, tally))) {
+        for (const int i : bodies_) free_[i] = y[i];
+        take_velocities(
+            bodies_, [&](int i) { return impacts_.changed(i); }, free_, motion_);
+        if constexpr (HearsImpacts<Observer, State, S>)
+          observer.impact(now, std::as_const(y), std::as_const(free_));
+        for (const int i : bodies_) y[i] = free_[i];
+        resolved = true;
+        continue;
+      }
+      resolved = false;
+
+      // Find the forces of resting contacts.
+      const bool resting = resting_.find(bodies_, pairs, running);
+      if (const MaskOf<S> stopped =
+              resting ? resting_.stop_approaches(pairs, motion_, pull) : MaskOf<S>(false);
+          any(stopped)) {
+        take_velocities(
+            bodies_, [&](int i) { return stopped & resting_.moves(i); }, y, motion_);
+        measure_speeds<System>(motion_, pairs);
+        fly_to(free_, forces, integrator, y, now, ahead);
+      }
+      if (resting) resting_.find_forces(pairs, y, motion_, free_, ahead, pull);
+      const auto go = [&](const S& time) {
+        const auto push = [&](const RigidState<S>& state, int i, const S& at, const Wrench<S>& wrench) {
+          const auto& c = resting_.forces()[static_cast<std::size_t>(i)];
+          const auto& kept = resting_.kept();
+          const Vec3<S> torque =
+              c.torque_at(kept.age(i, S(at - now)), state.position - kept.start(y)[i].position);
+          return wrench + Wrench<S>{c.force, rotate_back(state.orientation, torque)};
+        };
+        if (resting) {
+          fly_to(part_end_, forces, integrator, y, now, time, push);
+        } else {
+          fly_to(part_end_, forces, integrator, y, now, time);
+        }
+      };
+
+      // Advance to the next impact.
+      if (resting) {
+        go(ahead);
+      } else {
+        for (const int i : bodies_) part_end_[i] = free_[i];
+      }
+      S duration = ahead;
+      // Contact forces may carry a body farther than its free flight: then others may be in its way.
+      if (resting && !search_.covers(bodies_, y, part_end_, ahead, running)) {
+        resolved = true;
+        continue;
+      }
+      // However dense the impacts, time goes on.
+      const S impact = maximum(earliest_impact(pairs, y, ahead, lost), minimum(ahead, S(as<S>(1e-9) * h)));
+      const bool cut = any(running & (impact < ahead));
+      if (cut) {
+        go(impact);
+        duration = impact;
+      }
+      if (cut || resting) {
+        // Forces that are constant over a part, and the interpolation that finds impacts, are off by the
+        // third and fourth power of its duration: where bodies end too deep, it must be shorter.
+        const S shortest = as<S>(1.0 / 512) * h;
+        const MaskOf<S> divides = ahead > shortest,
+                        sinks = resting_.sunk(pairs, part_end_, cut, in_crowd_) > S(1);
+        const MaskOf<S> deep = running & divides & sinks;
+        if (any(deep)) {
+          longest = select(deep, maximum(S(as<S>(0.5) * ahead), shortest), longest);
+          resolved = true;
+          continue;
+        }
+      }
+      // Forces are for the time up to the end of the step: an island that the impact does not reach keeps
+      // them.
+      const MaskOf<S> early = ahead < left;
+      if (resting) resting_.keep_undisturbed(pairs, in_crowd_ && cut && !any(early), duration);
+      if (resting) resting_.settle(pairs, y, part_end_, duration, pull);
+      replace(running, part_end_, y);
+      left = select(running, S(left - duration), left);
+      now = now + duration;
+      search_.start_part(bodies_);
+    }
+    return left;
+  }
+
+ private:
+  /// Resolves the impacts of this instant; the observer may hear their impulses.
+  template <class Observer>
+  MaskOf<S> resolve_impacts(Pairs& pairs, const S& now, Observer& observer, ContactTally<S>& tally) {
+    if constexpr (!Packed<S> && HearsImpulses<Observer, S>) {
+      const auto hear = [&](const Candidate& who, const Vec3<S>& normal, const Vec3<S>& point,
+                            const Vec3<S>& impulse) {
+        if (squared_norm(impulse) > S(0))
+          log_.hear(Impact<S>{now, who.first, who.second, point, normal, impulse}, observer);
+      };
+      return impacts_.resolve(bodies_, pairs, motion_, tally.impacts, hear);
+    } else {
+      return impacts_.resolve(bodies_, pairs, motion_, tally.impacts, Unheard{});
+    }
+  }
+
+  template <class Model, class Integrator, class Push = NoPush>
+  void fly_to(State& end, const Model& forces, const Integrator& integrator, const State& y, const S& t,
+              const S& h, const Push& push = {}) const {
+    fly_bodies(*system_, bodies_, forces, integrator, y, t, h, end, push);
+  }
+  /// Gives y the numbers of `other` in these lanes.
+  void replace(const MaskOf<S>& lanes, const State& other, State& y) const {
+    for (const int i : bodies_) y[i] = select(lanes, other[i], y[i]);
+  }
+
+  /// When in a part of so many seconds from `start` to part_end_ the first pair touches that does not rest,
+  /// s; all of the part where none does. `lost` gains the lanes in which a pair goes too far for one step.
+  S earliest_impact(Pairs& pairs, const State& start, const S& seconds, MaskOf<S>& lost) {
+    for (const int i : bodies_) {
+      const RigidState<S>& body = part_end_[i];
+      Motion<S>& motion = end_motion_[static_cast<std::size_t>(i)];
+      motion.position = body.position;
+      motion.velocity = body.velocity;
+      motion.angular_velocity = body.angular_velocity_world();
+    }
+    S earliest = seconds;
+    for (auto& pair : pairs) {
+      pair.impact = impact_time(*system_, pair, start, part_end_, end_motion_, seconds, probe_, lost);
+      earliest = minimum(earliest, pair.impact);
+    }
+    return earliest;
+  }
+
+  const System* system_;
+  SimulationOptions options_;
+  bool in_crowd_;
+  Bodies bodies_;  ///< that are taken on together
+  PairSearch<System> search_;
+  Impacts<System> impacts_;
+  RestingContacts<System> resting_;
+  State free_;                   ///< after free flight
+  State part_end_;               ///< where the present part of the step ends
+  Motions motion_, end_motion_;  ///< where the part begins and ends
+  State probe_;                  ///< for the search of an impact
+  ImpactLog<System> log_;
+};
+
+}  // namespace rbres::RBRES_ABI::detail
