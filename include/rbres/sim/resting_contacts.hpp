@@ -9,6 +9,15 @@
 
 namespace rbres::RBRES_ABI::detail {
 
+/// At which rates (1/s) resting contacts close their gaps and open their overlaps.
+template <class S>
+struct ClosingRate {
+  S in_step;  ///< over a whole step
+  S in_part;  ///< where its parts must be short; else 0
+
+  S largest() const { return maximum(in_step, in_part); }
+};
+
 /// The contacts that rest, slide or roll over a part of a step, island by island: first they stop what still
 /// approaches slowly, then constant forces hold the bodies over the part, and at its end impulses take away
 /// what these forces, of second order, have left over.
@@ -91,7 +100,7 @@ class RestingContacts {
 
   /// Slow approaches of resting points end at once, without bounce: changes the velocities in `motion`.
   /// Returns where there were any.
-  MaskOf<S> stop_approaches(const Pairs& pairs, Motions& motion, const S& pull) {
+  MaskOf<S> stop_approaches(const Pairs& pairs, Motions& motion, const ClosingRate<S>& pull) {
     MaskOf<S> stopped(false);
     for (std::size_t island = 0; island < islands_.count(); ++island) {
       if (keeps(pairs, island)) continue;
@@ -99,7 +108,7 @@ class RestingContacts {
       for (const std::size_t k : islands_[island]) {
         const Pair& pair = pairs[k];
         for (std::size_t i = 0; i < P; ++i) {
-          const S allowed = pair.still + pull * maximum(pair.manifold.gap[i], S(0));
+          const S allowed = pair.still + pull.largest() * maximum(pair.manifold.gap[i], S(0));
           const MaskOf<S> approaches = pair.speed[i] < -allowed;
           slow = slow | (pair.resting[i] & approaches);
         }
@@ -119,7 +128,7 @@ class RestingContacts {
   /// would then be at `free`. A point may come back as fast as it left: its gap over the time between is then
   /// none.
   void find_forces(const Pairs& pairs, const State& y, const Motions& motion, const State& free,
-                   const S& left, const S& pull) {
+                   const S& left, const ClosingRate<S>& pull) {
     for (const int i : bodies_) {
       if (kept_.has(i)) continue;
       kept_.start(i, y);
@@ -132,7 +141,7 @@ class RestingContacts {
     const MaskOf<S> open = left > S(0);
     const S rate = S(1) / select(open, left, S(1));
     // Forces over the shortest parts are rounding, and not worth keeping.
-    const S kept_rate = select(left * pull > as<S>(1e-4), rate, S(0));
+    const S kept_rate = select(left * pull.largest() > as<S>(1e-4), rate, S(0));
     memory_.start();
     at_end_.resize(pairs.size());
     turns_.resize(pairs.size());
@@ -217,7 +226,7 @@ class RestingContacts {
   /// Changes the velocities of `end`, for which sunk() was asked, in islands that do not keep their forces,
   /// so that no resting point approaches, and contacts have done no work that they cannot do from y on, in
   /// `part` seconds.
-  void settle(const Pairs& pairs, const State& y, State& end, const S& part, const S& pull) {
+  void settle(const Pairs& pairs, const State& y, State& end, const S& part, const ClosingRate<S>& pull) {
     for (const int i : bodies_) flown_[i] = end[i];
     set_motions(*system_, bodies_, end, end_);
     for (std::size_t island = 0; island < islands_.count(); ++island) {
@@ -299,10 +308,14 @@ class RestingContacts {
     }
   }
 
-  /// The least speed (m/s) at which a resting point is to leave: gaps close slowly, and overlaps open slowly,
-  /// however short the step.
-  static S closing(const Pair& pair, const typename Pair::Contact& contact, std::size_t i, const S& pull) {
-    return minimum(S(-pull * contact.gap[i]), S(as<S>(1e-3) * pair.speed_scale));
+  /// The least speed (m/s) at which a resting point is to leave: gaps close slowly, overlaps open slowly. A
+  /// step opens them with less energy than a fall so deep gives, however short it is.
+  static S closing(const Pair& pair, const typename Pair::Contact& contact, std::size_t i,
+                   const ClosingRate<S>& pull) {
+    const S depth = maximum(S(-contact.gap[i]), S(0)), share = depth / pair.size;
+    const S fastest = as<S>(0.3) * pair.speed_scale * positive_root(S(share + S(Constants<S>::tiny)));
+    const S opens = maximum(minimum(S(pull.in_step * depth), fastest), S(pull.in_part * depth));
+    return select(contact.gap[i] > S(0), S(-pull.largest() * contact.gap[i]), opens);
   }
 
   const System* system_;
