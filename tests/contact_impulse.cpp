@@ -173,3 +173,90 @@ TEST_CASE("two surfaces share the larger restitution and the geometric mean of f
   CHECK(detail::surface_of(system, -1, 1).restitution == 0.2);
   CHECK(detail::surface_of(system, -1, 1).friction == doctest::Approx(0.1).epsilon(1e-15));
 }
+
+namespace {
+
+/// A box in the corner of a floor and two walls, and one on top of it that also touches a wall: all points
+/// that touch.
+template <class S>
+struct Corner {
+  using Bodies = System<S, 2, Box<S>>;
+  Bodies system;
+  detail::MotionsOf<Bodies> motion;
+  detail::ContactRows<Bodies> rows;
+
+  explicit Corner(const System<double, 2, Box<double>>& plain)
+      : system(plain.template cast<S>()), motion{}, rows(system) {}
+
+  /// The impulses that stop these velocities (m/s, rad/s; of both bodies).
+  void solve(const std::array<Vec3<S>, 4>& v) {
+    typename Bodies::State y;
+    y[0].position = {S(0.1), S(0.1), S(0.1)};
+    y[1].position = {S(0.1), S(0.12), S(0.25)};
+    for (int i = 0; i < 2; ++i) {
+      y[i].velocity = v[std::size_t(2 * i)];
+      y[i].angular_velocity = v[std::size_t(2 * i + 1)];
+    }
+    const detail::BodyIndices<2> all{};
+    detail::set_motions(system, all, y, motion);
+    rows.clear();
+    for (const Candidate& who :
+         {Candidate{-1, 0}, Candidate{-2, 0}, Candidate{-3, 0}, Candidate{-2, 1}, Candidate{0, 1}}) {
+      detail::ContactPair<Bodies> pair(system, who, S(1e-3));
+      pair.find(system, y, pair.manifold);
+      for (std::size_t i = 0; i < pair.points; ++i) {
+        const MaskOf<S> touches = pair.manifold.gap[i] < S(1e-9);
+        if (any(touches)) rows.add(pair, pair.manifold, i, touches, S(0), pair.surface.friction, motion);
+      }
+    }
+    rows.solve(motion, MaskOf<S>(true));
+  }
+};
+
+System<double, 2, Box<double>> corner_of(double friction) {
+  const Material<double> m{0, friction};
+  return {{Body{Box{0.1, 0.1, 0.1}, 1.0, m}, Body{Box{0.1, 0.08, 0.05}, 3.0, m}},
+          {floor_plane(m), {{1, 0, 0}, 0, m}, {{0, 1, 0}, 0, m}}};
+}
+
+}  // namespace
+
+TEST_CASE("points of several surfaces obey the contact laws together, and in lanes as alone") {
+  Random random(1, 1);
+  const auto draw = [&] {
+    return Vec3<double>{random.uniform(-2, 1), random.uniform(-2, 1), random.uniform(-2, 1)};
+  };
+  for (const double friction : {0.0, 0.3, 1.0}) {
+    CAPTURE(friction);
+    const auto plain = corner_of(friction);
+    Corner<double> alone(plain);
+    using Lanes = Pack<double, 2>;
+    Corner<Lanes> lanes(plain);
+    for (int k = 0; k < 100; ++k) {
+      CAPTURE(k);
+      std::array<Vec3<double>, 4> v{draw(), draw(), draw(), draw()};
+      std::array<Vec3<Lanes>, 4> both;
+      for (std::size_t i = 0; i < 4; ++i) both[i] = {Lanes(v[i].x), Lanes(v[i].y), Lanes(v[i].z)};
+      lanes.solve(both);
+      alone.solve(v);
+      int count = 0;
+      alone.rows.each(alone.motion, [&](auto&, auto& point, auto& a, auto& b) {
+        const auto& [p, pu, pv] = point.impulse();
+        const double n = point.velocity(0, a, b), u = point.velocity(1, a, b), w = point.velocity(2, a, b);
+        ++count;
+        CHECK(p >= 0);
+        CHECK(n > -1e-8);
+        CHECK(p * n < 1e-8);
+        const double along = std::hypot(pu, pv), slip = std::hypot(u, w);
+        CHECK(along <= friction * p + 1e-12);
+        // Where it slides, friction is all there is, against the slip.
+        if (slip > 1e-6 && friction > 0) CHECK(pu * u + pv * w < -0.999 * friction * p * slip + 1e-12);
+      });
+      CHECK(count >= 16);
+      for (std::size_t i = 0; i < 2; ++i) {
+        const auto of_lane = [](const Lanes& x) { return x.v[1]; };
+        CHECK(norm(detail::mapped(lanes.motion[i].velocity, of_lane) - alone.motion[i].velocity) < 1e-8);
+      }
+    }
+  }
+}
