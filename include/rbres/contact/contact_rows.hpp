@@ -118,7 +118,8 @@ class ContactRows {
     constexpr int few = 12, some = 20;
     const S tolerance = as<S>(1000.0) * tolerance_;
     if (all(pairs_apart())) return solve(motion, where, true, tolerance);
-    const MaskOf<S> open = sweep(motion, where, true, tolerance, few);
+    MaskOf<S> open = sweep(motion, where, true, tolerance, few);
+    if (any(open)) open = coupled_.solve(*this, motion, open, true, tolerance, as<S>(2.0) * tolerance);
     if (!any(open) || newton_.solve(*this, motion, open, true, tolerance)) return;
     sweep(motion, open, true, as<S>(2.0) * tolerance, some);
   }
