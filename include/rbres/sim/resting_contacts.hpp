@@ -4,19 +4,11 @@
 #include <rbres/contact/islands.hpp>
 #include <rbres/contact/pair_search.hpp>
 #include <rbres/sim/kept_islands.hpp>
+#include <rbres/sim/resting_points.hpp>
 #include <rbres/sim/resting_work.hpp>
 #include <span>
 
 namespace rbres::RBRES_ABI::detail {
-
-/// At which rates (1/s) resting contacts close their gaps and open their overlaps.
-template <class S>
-struct ClosingRate {
-  S in_step;  ///< over a whole step
-  S in_part;  ///< where its parts must be short; else 0
-
-  S largest() const { return maximum(in_step, in_part); }
-};
 
 /// The contacts that rest, slide or roll over a part of a step, island by island: first they stop what still
 /// approaches slowly, then constant forces hold the bodies over the part, and at its end impulses take away
@@ -85,7 +77,7 @@ class RestingContacts {
     bool found = false;
     for (std::size_t k = 0; k < pairs.size(); ++k) {
       Pair& pair = pairs[k];
-      if (!kept_.mark(pair)) mark(pair, running);
+      if (!kept_.mark(pair)) mark_resting(pair, running);
       if (!any(pair.any_resting)) continue;
       found = true;
       for (const int body : {pair.moved.first, pair.moved.second}) {
@@ -116,7 +108,7 @@ class RestingContacts {
       if (!any(slow)) continue;
       stopped = stopped | slow;
       take_up(pairs, island, [&](std::size_t, const Pair& pair, std::size_t i) {
-        const S target = minimum(closing(pair, pair.manifold, i, pull), S(0));
+        const S target = minimum(closing_speed(pair, pair.manifold, i, pull), S(0));
         rows_.add(pair, pair.manifold, i, pair.resting[i], target, pair.surface.friction, motion);
       });
       within_step_ ? rows_.sweep_within_step(motion, slow) : rows_.solve(motion, slow);
@@ -152,7 +144,7 @@ class RestingContacts {
       }
       turn_halfway(pairs, island, y, motion, left);
       take_up(pairs, island, [&](std::size_t k, const Pair& pair, std::size_t i) {
-        const S target = closing(pair, pair.manifold, i, pull) - pair.speed[i];
+        const S target = closing_speed(pair, pair.manifold, i, pull) - pair.speed[i];
         const auto add = [&](const typename Pair::Contact& there) -> auto& {
           return rows_.add(pair, there, i, pair.resting[i], target, pair.surface.friction, end_);
         };
@@ -240,7 +232,8 @@ class RestingContacts {
           const MaskOf<S> near = at_end.gap[i] <= pair.near;  // points may have changed places
           const MaskOf<S> resting = pair.fixed_points() ? pair.resting[i] : pair.any_resting & near;
           if (any(resting))
-            rows_.add(pair, at_end, i, resting, closing(pair, at_end, i, pull), pair.surface.friction, end_);
+            rows_.add(pair, at_end, i, resting, closing_speed(pair, at_end, i, pull), pair.surface.friction,
+                      end_);
         }
       }
       const MaskOf<S> every(true);
@@ -263,17 +256,6 @@ class RestingContacts {
  private:
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
-  /// Marks the points of a pair that rest.
-  static void mark(Pair& pair, const MaskOf<S>& running) {
-    pair.any_resting = MaskOf<S>(false);
-    for (std::size_t i = 0; i < P; ++i) {
-      const MaskOf<S> close = pair.manifold.gap[i] <= pair.near;
-      const MaskOf<S> slow = square(pair.speed[i]) <= square(pair.rest_speed);
-      const MaskOf<S> comes = pair.speed[i] <= S(0);  // impacts are answered: what is left is rounding
-      pair.resting[i] = running & ((close & slow) | (pair.touching[i] & comes));
-      pair.any_resting = pair.any_resting | pair.resting[i];
-    }
-  }
   /// Whether an island keeps its forces.
   bool keeps(const Pairs& pairs, std::size_t island) const {
     return kept_.has(pairs[islands_[island].front()]);
@@ -306,16 +288,6 @@ class RestingContacts {
       if (!turns_[k]) continue;
       pair.find_turned(*system_, y[pair.who.second], select(turns, half, Vec3<S>{}), at_end_[k]);
     }
-  }
-
-  /// The least speed (m/s) at which a resting point is to leave: gaps close slowly, overlaps open slowly. A
-  /// step opens them with less energy than a fall so deep gives, however short it is.
-  static S closing(const Pair& pair, const typename Pair::Contact& contact, std::size_t i,
-                   const ClosingRate<S>& pull) {
-    const S depth = maximum(S(-contact.gap[i]), S(0)), share = depth / pair.size;
-    const S fastest = as<S>(0.3) * pair.speed_scale * positive_root(S(share + S(Constants<S>::tiny)));
-    const S opens = maximum(minimum(S(pull.in_step * depth), fastest), S(pull.in_part * depth));
-    return select(contact.gap[i] > S(0), S(-pull.largest() * contact.gap[i]), opens);
   }
 
   const System* system_;
