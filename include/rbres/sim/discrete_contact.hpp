@@ -5,20 +5,11 @@
 #include <rbres/contact/broad_phase.hpp>
 #include <rbres/contact/contact_pair.hpp>
 #include <rbres/core/reserved.hpp>
+#include <rbres/sim/contact_tally.hpp>
 #include <span>
 #include <tuple>
 
-namespace rbres::RBRES_ABI {
-
-/// What happened during some steps, lane by lane.
-template <class S>
-struct ContactTally {
-  CountOf<S> impacts{};   ///< impacts resolved: pairs whose approach was answered by an impulse
-  CountOf<S> touching{};  ///< discrete contacts: pairs found touching, summed over steps
-  CountOf<S> overruns{};  ///< steps that met the event cap and were finished discretely
-};
-
-namespace detail {
+namespace rbres::RBRES_ABI::detail {
 
 /// Gives a pair back the angular momentum that it lost when its second body was moved by `shift` relative to
 /// the first, where `moved`: its motion is a rigid turn, which carries the angular momentum, and a remainder
@@ -313,5 +304,4 @@ class DiscreteContact {
   MaskOf<S> shared_{false};
 };
 
-}  // namespace detail
-}  // namespace rbres::RBRES_ABI
+}  // namespace rbres::RBRES_ABI::detail

@@ -6,6 +6,7 @@
 #include <rbres/contact/impacts.hpp>
 #include <rbres/contact/pair_search.hpp>
 #include <rbres/dynamics/free_flight.hpp>
+#include <rbres/sim/contact_tally.hpp>
 #include <rbres/sim/impact_log.hpp>
 #include <rbres/sim/options.hpp>
 #include <rbres/sim/resting_contacts.hpp>
