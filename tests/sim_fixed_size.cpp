@@ -78,7 +78,7 @@ TEST_CASE("an observer hears as many impulses as there are, whatever the room") 
   };
   SystemState<double, 1> y;
   y[0].position.z = 0.3;
-  const Body box(Box{0.1, 0.1, 0.1}, 1.0, Material{0.3, 0.5});
+  const Body box(Box{0.1, 0.1, 0.1}, 1.0, Material<double>{0.3, 0.5});
   check_equal(System<double, 1, Box<double>, 1>({box}, {floor_plane<double>()}),
               System<double, 1, Box<double>>({box}, {floor_plane<double>()}), y, 1e-3, 8);
   y[0].velocity.z = -20;
