@@ -7,7 +7,6 @@
 #include <rbres/contact/island_newton.hpp>
 #include <rbres/contact/pair_newton.hpp>
 #include <rbres/core/reserved.hpp>
-#include <variant>
 
 namespace rbres::RBRES_ABI::detail {
 
@@ -22,21 +21,12 @@ class ContactRows {
   using FreePoint = ContactPoint<S, false>;
 
  public:
-  struct Row {
-    Candidate who, moved;  ///< as in ContactPair
-    std::size_t point;     ///< its place in the pair's manifold
-    MaskOf<S> active;
-    S target, friction;
-    std::variant<FixedPoint, FreePoint> at;  ///< with a plane, or between two bodies
-    std::array<S, 3> before, way;            ///< impulse before a round, and the way it has gone, N s
+  struct Row : ContactRow<S> {
+    std::size_t point;             ///< its place in the pair's manifold
+    std::array<S, 3> before, way;  ///< impulse before a round, and the way it has gone, N s
 
-    bool plane() const { return who.first < 0; }
     /// See ContactPoint; of points with a plane only.
-    void set_drift(const Vec3<S>& drift) { std::get_if<FixedPoint>(&at)->set_drift(drift); }
-    const std::array<S, 3>& impulse() const {
-      return std::visit(
-          [](const auto& p) -> auto& { return p.impulse(); }, at);
-    }
+    void set_drift(const Vec3<S>& drift) { std::get_if<0>(&this->at)->set_drift(drift); }
   };
 
   explicit ContactRows(const System& system)
@@ -129,8 +119,8 @@ class ContactRows {
     sweep(motion, where, true, as<S>(1e6) * tolerance_, some);
   }
 
-  /// The same to `tolerance` (m/s), with or without friction. Newton's method settles most single pairs and,
-  /// of plain scalars, most small islands; a few sweeps others, the method of multipliers what is left; large
+  /// The same to `tolerance` (m/s), with or without friction. Newton's method settles most single pairs and
+  /// most small islands; a few sweeps others, the method of multipliers what is left; large
   /// heaps, for which that costs too much, are swept on, to a coarser tolerance.
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
     constexpr int few = 12, many = 100;

@@ -4,22 +4,10 @@
 #include <cstddef>
 #include <limits>
 #include <rbres/contact/cone_point.hpp>
-#include <rbres/contact/contact_pair.hpp>
+#include <rbres/contact/contact_row.hpp>
 #include <rbres/contact/island_equations.hpp>
-#include <variant>
 
 namespace rbres::RBRES_ABI::detail {
-
-/// Calls f(contact point, first motion, second motion) for a row of contact points.
-template <class Row, class Motions, class F>
-void with_point(Row& row, Motions& motion, const F& f) {
-  auto& second = motion[static_cast<std::size_t>(row.who.second)];
-  if (row.plane()) {
-    f(*std::get_if<0>(&row.at), second, second);
-  } else {
-    f(*std::get_if<1>(&row.at), motion[static_cast<std::size_t>(row.who.first)], second);
-  }
-}
 
 /// Newton's method for the contact laws of an island, normals and friction cones at once: as PairNewton, of
 /// any number of bodies and normals. It finds the impulses in a few steps where it starts near enough to
@@ -29,7 +17,6 @@ class CoupledNewton {
  public:
   CoupledNewton(const System& system, std::size_t most_rows) : equations_(system) {
     rows_.reserve(most_rows);
-    start_.reserve(static_cast<std::size_t>(system.size()));
   }
 
   /// Changes the impulses of `rows` (ContactRows) and the velocities in `motion`, to the best that it finds:
@@ -58,8 +45,7 @@ class CoupledNewton {
       advance(rows, motion, soft);
     }
     // From the start again: impulses that have been huge on the way leave their rounding errors behind.
-    for (std::size_t i = 0; i < start_.size(); ++i)
-      motion[static_cast<std::size_t>(equations_.bodies()[i])] = start_[i];
+    equations_.restart(motion);
     std::size_t k = 0;
     rows.each(motion, [&](auto&, auto& point, auto& first, auto& second) {
       const RowState& r = rows_[k++];
@@ -90,8 +76,6 @@ class CoupledNewton {
       r.friction = friction ? row.friction : S(0);
       r.start = point.impulse();
     });
-    start_.clear();
-    for (const int body : equations_.bodies()) start_.push_back(motion[static_cast<std::size_t>(body)]);
     if (!equations_.shape(motion)) return false;
     equations_.stay();
     return true;
@@ -134,7 +118,6 @@ class CoupledNewton {
   }
 
   Reserved<RowState, row_room<System>> rows_;
-  Reserved<Motion<S>, body_room<System>> start_;  ///< of the equations' bodies before the first step
   IslandEquations<System, false, S> equations_;
 };
 
@@ -171,16 +154,16 @@ class LaneRows {
     rows_.clear();
     rows.each(motion, [&](auto& row, auto& point, auto&, auto&) {
       if (!row.active[lane]) return;
-      Row& r = rows_.emplace_back();
+      ContactRow<T>& r = rows_.emplace_back();
       r.who = row.who;
       r.moved = row.moved;
       r.active = true;
       r.target = of_lane(row.target);
       r.friction = of_lane(row.friction);
       if (row.plane()) {
-        if constexpr (requires { point.drift(); }) r.at.template emplace<FixedPoint>(point, of_lane);
+        if constexpr (requires { point.drift(); }) r.at.template emplace<0>(point, of_lane);
       } else {
-        if constexpr (!requires { point.drift(); }) r.at.template emplace<FreePoint>(point, of_lane);
+        if constexpr (!requires { point.drift(); }) r.at.template emplace<1>(point, of_lane);
       }
     });
   }
@@ -190,7 +173,7 @@ class LaneRows {
     std::size_t k = 0;
     rows.each(motion, [&](auto& row, auto& point, auto&, auto&) {
       if (!row.active[lane]) return;
-      const Triple<T> here = std::visit([](const auto& p) { return p.impulse(); }, rows_[k++].at);
+      const Triple<T>& here = rows_[k++].impulse();
       Triple<S> impulse = point.impulse();
       for (std::size_t d = 0; d < 3; ++d) Lanes::set_lane(impulse[d], lane, here[d]);
       point.restore(impulse);
@@ -209,23 +192,12 @@ class LaneRows {
   /// As ContactRows::each.
   template <class F>
   void each(Motions& motion, const F& f) {
-    for (Row& row : rows_)
+    for (ContactRow<T>& row : rows_)
       with_point(row, motion, [&](auto& point, auto& a, auto& b) { f(row, point, a, b); });
   }
 
  private:
-  using FixedPoint = ContactPoint<T, true>;
-  using FreePoint = ContactPoint<T, false>;
-  struct Row {
-    Candidate who, moved;
-    bool active;
-    T target, friction;
-    std::variant<FixedPoint, FreePoint> at;
-
-    bool plane() const { return who.first < 0; }
-  };
-
-  Reserved<Row, row_room<System>> rows_;
+  Reserved<ContactRow<T>, row_room<System>> rows_;
   Motions motion_;
 };
 

@@ -9,7 +9,6 @@
 #include <rbres/contact/impulse.hpp>
 #include <rbres/contact/near_pairs.hpp>
 #include <rbres/core/reserved.hpp>
-#include <span>
 
 namespace rbres::RBRES_ABI::detail {
 
@@ -54,6 +53,7 @@ class IslandEquations {
     bodies_.reserve(n);
     first_.reserve(n);
     inertia_.reserve(n);
+    start_.reserve(n);
     step_.reserve(6 * n);
     moved_.reserve(6 * n);
   }
@@ -97,11 +97,14 @@ class IslandEquations {
   /// Takes up the bodies that have been named. False where the matrix would be too large.
   template <class Motions>
   bool shape(const Motions& motion) {
+    if (!shape_matrix()) return false;
     step_.resize(6 * bodies_.size());
     moved_.resize(6 * bodies_.size());
     inertia_.clear();
+    start_.clear();
     for (const int body : bodies_) {
       const Motion<S>& m = motion[static_cast<std::size_t>(body)];
+      start_.push_back(m);
       // No point names a kinematic body; in lanes it has a place, and any mass does.
       if (Packed<S> && !any(m.inverse_mass > S(0))) {
         inertia_.push_back({S(1), {{S(1), S(0), S(0)}, {S(0), S(1), S(0)}, {S(0), S(0), S(1)}}});
@@ -109,15 +112,13 @@ class IslandEquations {
       }
       inertia_.push_back({inverse(m.inverse_mass), symmetric_inverse(m.inverse_inertia)});
     }
-    if constexpr (Symmetric) {
-      return matrix_.shape(first_, most_products);
-    } else {
-      return matrix_.shape(bodies_.size());
-    }
+    return true;
   }
-
-  /// The bodies that have been named, in the order of their places.
-  std::span<const int> bodies() const { return bodies_; }
+  /// Gives these bodies the motions that they had then.
+  template <class Motions>
+  void restart(Motions& motion) const {
+    for (std::size_t i = 0; i < bodies_.size(); ++i) motion[static_cast<std::size_t>(bodies_[i])] = start_[i];
+  }
 
   /// Nothing has moved.
   void stay() { std::fill(moved_.begin(), moved_.end(), S(0)); }
@@ -211,6 +212,13 @@ class IslandEquations {
       return Matrix(std::min(bodies, most_coupled_bodies));
     }
   }
+  bool shape_matrix() {
+    if constexpr (Symmetric) {
+      return matrix_.shape(first_, most_products);
+    } else {
+      return matrix_.shape(bodies_.size());
+    }
+  }
   std::size_t place(int body) {
     std::size_t& at = place_[static_cast<std::size_t>(body)];
     if (at == plane) {
@@ -250,6 +258,7 @@ class IslandEquations {
   Reserved<int, room> bodies_;
   Reserved<std::size_t, room> first_;
   Reserved<Inertia, room> inertia_;
+  Reserved<Motion<S>, room> start_;  ///< the bodies' motions when they were taken up
   Matrix matrix_;
   Reserved<S, number_room> step_;   ///< right side, then the step of the bodies' velocities
   Reserved<S, number_room> moved_;  ///< by the steps so far

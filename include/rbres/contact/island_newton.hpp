@@ -21,10 +21,7 @@ class IslandNewton {
   using Three = Triple<S>;
 
  public:
-  IslandNewton(const System& system, std::size_t most_rows) : equations_(system) {
-    rows_.reserve(most_rows);
-    start_.reserve(static_cast<std::size_t>(system.size()));
-  }
+  IslandNewton(const System& system, std::size_t most_rows) : equations_(system) { rows_.reserve(most_rows); }
 
   /// Changes the impulses of `rows` (ContactRows) and the velocities in `motion` in the lanes `where`, until
   /// no law is off by more than `tolerance` (m/s), or none gets better. False, with nothing done, for islands
@@ -81,8 +78,7 @@ class IslandNewton {
       });
     }
     // From the start again: impulses that have been huge on the way leave their rounding errors behind.
-    for (std::size_t i = 0; i < start_.size(); ++i)
-      motion[static_cast<std::size_t>(equations_.bodies()[i])] = start_[i];
+    equations_.restart(motion);
     std::size_t k = 0;
     rows.each(motion, [&](auto&, auto& point, auto& first, auto& second) {
       const RowState& r = rows_[k++];
@@ -134,8 +130,6 @@ class IslandNewton {
       r.active = row.active;
       r.start = point.impulse();
     });
-    start_.clear();
-    for (const int body : equations_.bodies()) start_.push_back(motion[static_cast<std::size_t>(body)]);
     return equations_.shape(motion);
   }
 
@@ -253,7 +247,6 @@ class IslandNewton {
 
   S stiffness_, best_;  ///< rho times a point's response; the least fault so far, m/s
   Reserved<RowState, row_room<System>> rows_;
-  Reserved<Motion<S>, body_room<System>> start_;  ///< of the equations' bodies before the first round
   IslandEquations<System, true> equations_;
 };
 

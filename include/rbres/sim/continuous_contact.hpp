@@ -25,7 +25,6 @@ class ContinuousContact {
   ContinuousContact(const System& system, const SimulationOptions& options)
       : system_(&system),
         options_(options),
-        in_crowd_(detail::is_crowd(system)),
         parts_(system, options),
         discrete_(system),
         end_(detail::state_of(system)),
@@ -80,7 +79,7 @@ class ContinuousContact {
   template <class Model, class Integrator, class Observer>
   bool step_groups(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
                    Observer& observer, ContactTally<S>& tally) {
-    if (!in_crowd_ || !(h > S(0))) return false;
+    if (!detail::is_crowd(*system_) || !(h > S(0))) return false;
     detail::StepGroups<System>& groups = apart_.groups;
     State& start = apart_.start;
     parts_.fly_freely(all(), forces, integrator, y, t, h);
@@ -135,7 +134,6 @@ class ContinuousContact {
 
   const System* system_;
   SimulationOptions options_;
-  bool in_crowd_;
   detail::StepParts<System> parts_;
   detail::DiscreteContact<System> discrete_;  ///< for steps past their event cap
   State end_;                                 ///< of such a step
