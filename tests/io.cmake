@@ -22,7 +22,7 @@ if(TARGET nlohmann_json::nlohmann_json)
 
   rbres_program(io_export_writer io_export_writer.cpp LIBRARIES rbres::io)
   set(exported exported_float.hpp exported_double.hpp exported_law.hpp exported_hybrid.hpp
-      exported_predictor.hpp exported_half.hpp)
+      exported_predictor.hpp exported_half.hpp exported_half_law.hpp)
   list(TRANSFORM exported PREPEND ${CMAKE_CURRENT_BINARY_DIR}/)
   add_custom_command(OUTPUT ${exported} COMMAND io_export_writer ${exported} DEPENDS io_export_writer)
   rbres_test(io_export_header)

@@ -69,6 +69,39 @@ TEST_CASE("a hybrid is read as it was written, and is no contact law") {
         }).starts_with("weight of a saved hybrid: expected numbers from "));
 }
 
+TEST_CASE("laws of half-size weights: those of float files are rounded, and none is a float law's") {
+  const TemporaryFolder folder;
+  HybridLaw<8, 2> whole;
+  static_cast<Law&>(whole) = some_law();
+  whole.weight = 0.75;
+  whole.scales.moment = ContactMoment::impact;
+  save(folder / "whole", whole);
+  using Half = HybridLaw<8, 2, float, bfloat16>;
+  const auto half = with_weights<bfloat16>(whole);
+  static_assert(std::same_as<decltype(half), const Half>);
+  const auto same = [&](const Half& law) {
+    return std::ranges::equal(law.network.parameters(), half.network.parameters()) &&
+           law.input.mean == whole.input.mean && law.input.deviation == whole.input.deviation &&
+           law.scales.margin == whole.scales.margin && law.scales.moment == whole.scales.moment &&
+           law.weight == whole.weight;
+  };
+  CHECK(same(half));
+  const auto halves = Half::Network::tensors(), wholes = HybridLaw<8, 2>::Network::tensors();
+  for (std::size_t i = 0; i < wholes.size(); ++i)
+    CHECK(float(half.network.parameters()[halves[i].index(7 % wholes[i].rows)]) ==
+          float(bfloat16(std::as_const(whole.network).parameters()[wholes[i].index(7 % wholes[i].rows)])));
+  CHECK(same(load<Half>(folder / "whole")));
+  save(folder / "half", half);
+  CHECK(10 * std::filesystem::file_size(folder / "half") < 7 * std::filesystem::file_size(folder / "whole"));
+  CHECK(same(load<Half>(folder / "half")));
+  CHECK(contains(error_of([&] { load<HybridLaw<8, 2>>(folder / "half"); }),
+                 "half: tensor '0.0.weight': expected dtype F32, found BF16"));
+  CHECK(contains(error_of([&] { load<HybridLaw<8, 3, float, bfloat16>>(folder / "half"); }),
+                 "metadata 'hybrid_law': expected 'width 8, rounds 3"));
+  const auto back = with_weights<float>(half);
+  CHECK(std::ranges::equal(with_weights<bfloat16>(back).network.parameters(), half.network.parameters()));
+}
+
 TEST_CASE("files of other laws and laws that make no sense are refused") {
   const TemporaryFolder folder;
   const auto path = folder / "law.safetensors";

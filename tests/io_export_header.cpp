@@ -9,6 +9,7 @@
 #include "exported_double.hpp"
 #include "exported_float.hpp"
 #include "exported_half.hpp"
+#include "exported_half_law.hpp"
 #include "exported_hybrid.hpp"
 #include "exported_law.hpp"
 #include "exported_predictor.hpp"
@@ -89,6 +90,8 @@ TEST_CASE("an exported predictor gives the same bits and takes nothing from the 
 TEST_CASE("an exported contact law gives the same bits") {
   CHECK(frame(exported_l::law()) == frame(exported_law()));
   CHECK(exported_l::law().scales.margin == 0.013);
+  CHECK(frame(exported_hl::law()) == frame(exported_half_law()));
+  CHECK(frame(exported_half_law()) != frame(exported_law()));
   CHECK(frame(exported_h::law()) == frame(exported_hybrid()));
   CHECK(exported_h::law().weight == 0.3);
 }

@@ -27,6 +27,7 @@ Law any_law() {
   return law;
 }
 inline auto exported_law() { return any_law<rbres::ContactLaw<6, 2>>(); }
+inline auto exported_half_law() { return rbres::with_weights<rbres::bfloat16>(exported_law()); }
 inline auto exported_hybrid() {
   auto law = any_law<rbres::HybridLaw<5, 1, double>>();
   law.weight = 0.3;

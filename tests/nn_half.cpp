@@ -2,9 +2,11 @@
 // of the same numbers does.
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cstring>
 #include <limits>
 #include <rbres/nn/nn.hpp>
+#include <vector>
 
 using namespace rbres;
 
@@ -99,12 +101,28 @@ TEST_CASE_TEMPLATE(
         1e-12 * pair.whole.forward(wide).norm());
 }
 
+TEST_CASE_TEMPLATE("every number of a tensor has a place of its own, and the rest of the block is filling",
+                   Net, ResidualNetwork<float, 95, 256, 1, 65, bfloat16>,
+                   ResidualNetwork<float, 3, 20, 2, 5, bfloat16>, ResidualNetwork<float, 3, 100, 1, 49>,
+                   ResidualNetwork<double, 5, 20, 1, 9>) {
+  std::vector<int> used(Net::block_size);
+  for (const ParameterTensor& tensor : Net::tensors())
+    for (int row = 0; row < tensor.rows; ++row)
+      for (int column = 0; column < tensor.columns; ++column) ++used.at(tensor.index(row, column));
+  CHECK(std::ranges::count(used, 1) == static_cast<std::ptrdiff_t>(Net::parameter_count));
+  CHECK(std::ranges::count(used, 0) == static_cast<std::ptrdiff_t>(Net::block_size - Net::parameter_count));
+}
+
 TEST_CASE("rounding the weights changes what a network says by little") {
   using Net = ResidualNetwork<float, 95, 256, 4, 65>;
   const Net whole(5);
   const ResidualNetwork<float, 95, 256, 4, 65, bfloat16> half(whole);
-  CHECK(std::equal(half.parameters().begin(), half.parameters().end(), whole.parameters().begin(),
-                   [](bfloat16 a, float b) { return a.bits == bfloat16(b).bits; }));
+  const auto halves = half.tensors(), wholes = whole.tensors();
+  for (std::size_t i = 0; i < wholes.size(); ++i)
+    for (int row = 0; row < wholes[i].rows; ++row)
+      for (int column = 0; column < wholes[i].columns; ++column)
+        REQUIRE(half.parameters()[halves[i].index(row, column)].bits ==
+                bfloat16(whole.parameters()[wholes[i].index(row, column)]).bits);
   const Net::Input x = Net::Input::Random();
   const float difference = (half.forward(x) - whole.forward(x)).norm();
   CHECK(difference > 0);

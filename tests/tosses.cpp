@@ -195,6 +195,10 @@ TEST_CASE("the program prints a row for each predictor, and refuses what it does
   CHECK(error(3) < 0.05);
   for (const char* unknown : {"friction", "restitution", "gravity", "inertia", "size"})
     CHECK(contains(outcome.err, unknown));
+  const Outcome table = run(folder, RBRES_TOSSES_PROGRAM, ".");
+  for (const char* name :
+       {"fitted simulator  ", "network alone  ", "network alone, bfloat16", "hybrid, bfloat16"})
+    CHECK(contains(table.out, name));
   CHECK(contains(refusal(folder, RBRES_TOSSES_PROGRAM, ""), "FOLDER is required"));
   CHECK(contains(refusal(folder, RBRES_TOSSES_PROGRAM, ". --fast"), "--fast"));
   CHECK(contains(refusal(folder, RBRES_TOSSES_PROGRAM, "elsewhere"), "elsewhere/train.npy"));

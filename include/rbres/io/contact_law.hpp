@@ -10,8 +10,9 @@ namespace rbres::RBRES_ABI {
 
 namespace detail {
 
-/// See ModelFormat<ContactLaw> and ModelFormat<HybridLaw>.
-template <class Model>
+/// See ModelFormat<ContactLaw> and ModelFormat<HybridLaw>. Whole is the same law with its weights kept as
+/// Scalar.
+template <class Model, class Whole>
 struct ContactLawFormat {
   /// The law must stay until the file is written.
   static void write(SafetensorsWriter& file, const Model& law) {
@@ -38,6 +39,10 @@ struct ContactLawFormat {
 
   static Model read(const SafetensorsReader& file) {
     using Net = typename Model::Network;
+    if constexpr (!std::is_same_v<Model, Whole>) {
+      if (!detail::keeps_parameters_as<typename Net::Weight>(file))
+        return with_weights<typename Net::Weight>(ModelFormat<Whole>::read(file));
+    }
     require_metadata(file, metadata());
     Model law;
     detail::read_parameters<Net>(file, "", law.network.parameters().data());
@@ -57,10 +62,11 @@ struct ContactLawFormat {
 
   static Metadata metadata() {
     using Net = typename Model::Network;
-    return {{Model::corrects ? "hybrid_law" : "contact_law",
-             detail::text("width ", Net::width, ", rounds ", Net::rounds, ", features ", Net::inputs,
-                          ", outputs ", Net::outputs)},
-            {"scalar", std::is_same_v<typename Model::Scalar, float> ? "float32" : "float64"}};
+    Metadata all = detail::number_metadata<Net>();
+    all[Model::corrects ? "hybrid_law" : "contact_law"] =
+        detail::text("width ", Net::width, ", rounds ", Net::rounds, ", features ", Net::inputs, ", outputs ",
+                     Net::outputs);
+    return all;
   }
   static ContactMoment moment(const SafetensorsReader& file) {
     const auto found = file.metadata().find("moment");
@@ -82,15 +88,19 @@ struct ContactLawFormat {
 }  // namespace detail
 
 /// A contact law's file: the tensors of its networks, "0.0.weight" and so on (part, layer), and in the
-/// metadata what they are ("contact_law": width, rounds, features and outputs; "scalar"), the normalisation
-/// ("input_mean", "input_deviation") and the scales ("frame_time" in s, "speed" in m/s, "margin" in m;
-/// "moment": halfway, also where it is not there, or impact).
-template <int Width, int Rounds, std::floating_point T>
-struct ModelFormat<ContactLaw<Width, Rounds, T>> : detail::ContactLawFormat<ContactLaw<Width, Rounds, T>> {};
+/// metadata what they are ("contact_law": width, rounds, features and outputs; "scalar"; "weights" where they
+/// are kept in another type), the normalisation ("input_mean", "input_deviation") and the scales
+/// ("frame_time" in s, "speed" in m/s, "margin" in m; "moment": halfway, also where it is not there, or
+/// impact). A law of half-size weights is also read from the file of a float one: its numbers are then
+/// rounded.
+template <int Width, int Rounds, std::floating_point T, class W>
+struct ModelFormat<ContactLaw<Width, Rounds, T, W>>
+    : detail::ContactLawFormat<ContactLaw<Width, Rounds, T, W>, ContactLaw<Width, Rounds, T>> {};
 
 /// The same with "hybrid_law" in the place of "contact_law", and the "weight" of the correction. The
 /// materials of the analytic law are those of the bodies.
-template <int Width, int Rounds, std::floating_point T>
-struct ModelFormat<HybridLaw<Width, Rounds, T>> : detail::ContactLawFormat<HybridLaw<Width, Rounds, T>> {};
+template <int Width, int Rounds, std::floating_point T, class W>
+struct ModelFormat<HybridLaw<Width, Rounds, T, W>>
+    : detail::ContactLawFormat<HybridLaw<Width, Rounds, T, W>, HybridLaw<Width, Rounds, T>> {};
 
 }  // namespace rbres::RBRES_ABI

@@ -13,8 +13,6 @@ void export_law(const Law& law, const std::filesystem::path& path, std::string_v
   using Net = typename Law::Network;
   check_namespace_name(name);
   check_weights(law.network, path);
-  const std::span<const T> block = std::as_const(law.network).parameters();
-  const std::string weights = array_text<T>("weights", path.string(), block);
   constexpr std::size_t features = static_cast<std::size_t>(Net::inputs);
   const std::array<double, 4> numbers{law.scales.frame_time, law.scales.speed, law.scales.margin, law.weight};
   AtomicFile file(path);
@@ -22,12 +20,13 @@ void export_law(const Law& law, const std::filesystem::path& path, std::string_v
       "// Written by rbres::export_header.\n#pragma once\n\n#include <rbres/learn/hybrid_law.hpp>\n\n"
       "namespace ",
       name, "::RBRES_ABI {\n\nusing Law = rbres::", Law::corrects ? "HybridLaw<" : "ContactLaw<", Net::width,
-      ", ", Net::rounds, ", ", scalar_name<T>, ">;\n\n", weights,
+      ", ", Net::rounds, ", ", scalar_name<T>, weight_argument<T, typename Net::Weight>, ";\n\n",
+      weights_text(law.network.parameters(), path),
       array_text<T>("input_mean", path.string(), {law.input.mean.data(), features}),
       array_text<T>("input_deviation", path.string(), {law.input.deviation.data(), features}),
       "// Frame time (s), speed (m/s), margin (m), strength of a correction.\n",
       array_text<double>("scales", path.string(), numbers), "\ninline Law law() {\n  Law law;\n",
-      "  std::copy(std::begin(weights), std::end(weights), law.network.parameters().begin());\n"
+      "  std::ranges::copy(weights, law.network.parameters().begin());\n"
       "  for (int i = 0; i < Law::Network::inputs; ++i) {\n    law.input.mean[i] = input_mean[i];\n"
       "    law.input.deviation[i] = input_deviation[i];\n  }\n"
       "  law.scales = {.frame_time = scales[0], .speed = scales[1], .margin = scales[2], .moment = "
@@ -48,14 +47,14 @@ void export_law(const Law& law, const std::filesystem::path& path, std::string_v
 ///     simulate(system, state, Gravity{}, Rk4{}, law, {.step = law.scales.frame_time, .duration = 2});
 ///
 /// Errors as of export_header() of a network.
-template <int Width, int Rounds, std::floating_point T>
-void export_header(const ContactLaw<Width, Rounds, T>& law, const std::filesystem::path& path,
+template <int Width, int Rounds, std::floating_point T, class W>
+void export_header(const ContactLaw<Width, Rounds, T, W>& law, const std::filesystem::path& path,
                    std::string_view name = "rbres_law") {
   detail::export_law(law, path, name);
 }
 /// The same with NAME::Law a HybridLaw.
-template <int Width, int Rounds, std::floating_point T>
-void export_header(const HybridLaw<Width, Rounds, T>& law, const std::filesystem::path& path,
+template <int Width, int Rounds, std::floating_point T, class W>
+void export_header(const HybridLaw<Width, Rounds, T, W>& law, const std::filesystem::path& path,
                    std::string_view name = "rbres_law") {
   detail::export_law(law, path, name);
 }

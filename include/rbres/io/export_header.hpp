@@ -100,11 +100,26 @@ inline std::string array_text(std::string_view name, std::span<const bfloat16> n
   return out.str();
 }
 
+/// How the name of a type ends whose last argument, what weights are kept in, is written where it is not T.
+template <class T, class W>
+constexpr std::string_view weight_argument = std::is_same_v<T, W> ? ">" : ", rbres::bfloat16>";
+
 /// The type of a network, spelled in C++.
 template <class T, class Layers, class W>
 std::string network_text(const Network<T, Layers, W>&) {
   return text("rbres::Network<", scalar_name<T>, ", ", LayerName<Layers>::text(LayerText::spelled),
-              std::is_same_v<T, W> ? ">" : ", rbres::bfloat16>");
+              weight_argument<T, W>);
+}
+
+/// The array `weights` of a block of parameters. Error naming the path where one of full size is not finite.
+template <class W>
+std::string weights_text(std::span<const W> block, const std::filesystem::path& path) {
+  if constexpr (std::is_same_v<W, bfloat16>) {
+    return text(array_text("weight_bits", block), "alignas(64) inline constexpr auto weights =\n",
+                "    __builtin_bit_cast(std::array<rbres::bfloat16, ", block.size(), ">, weight_bits);\n");
+  } else {
+    return text("alignas(64) ", array_text<W>("weights", path.string(), block));
+  }
 }
 
 /// A network as the array `weights` of all its parameters, in the order of its block, and the type `Network`
@@ -112,16 +127,8 @@ std::string network_text(const Network<T, Layers, W>&) {
 template <class T, class Layers, class W>
 std::string constant_network_text(const Network<T, Layers, W>& network, const std::filesystem::path& path) {
   check_weights(network, path);
-  const std::span<const W> block = network.parameters();
-  const std::string type =
-      text("using Network = rbres::ConstantNetwork<", network_text(network), ", weights>;\n");
-  if constexpr (std::is_same_v<T, W>) {
-    return text("alignas(64) ", array_text<T>("weights", path.string(), block), type);
-  } else {
-    return text(array_text("weight_bits", block), "alignas(64) inline constexpr auto weights =\n",
-                "    __builtin_bit_cast(std::array<rbres::bfloat16, ", block.size(), ">, weight_bits);\n",
-                type);
-  }
+  return text(weights_text(network.parameters(), path), "using Network = rbres::ConstantNetwork<",
+              network_text(network), ", weights>;\n");
 }
 
 }  // namespace detail

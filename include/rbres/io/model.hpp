@@ -104,9 +104,7 @@ struct ModelFormat<Network<T, Layers, W>> {
   /// Throws Error where the file is of another network.
   static Model read(const SafetensorsReader& file) {
     if constexpr (!std::is_same_v<W, T>) {
-      if (const auto& tensors = file.tensors();
-          tensors.empty() || tensors.begin()->second.dtype != detail::safetensors_dtype<W>())
-        return Model(ModelFormat<Network<T, Layers>>::read(file));
+      if (!detail::keeps_parameters_as<W>(file)) return Model(ModelFormat<Network<T, Layers>>::read(file));
     }
     const bool is_ours = file.metadata().contains("architecture");
     if (is_ours) require_metadata(file, network_metadata<Model>());

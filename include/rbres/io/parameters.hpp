@@ -18,14 +18,31 @@
 /// What the files of networks and of training runs have in common.
 namespace rbres::RBRES_ABI {
 
+namespace detail {
+
+/// "scalar", the type that a network computes in, and "weights" where they are kept in another type.
+template <class Net>
+Metadata number_metadata() {
+  Metadata all{{"scalar", std::is_same_v<typename Net::Scalar, float> ? "float32" : "float64"}};
+  if (!std::is_same_v<typename Net::Weight, typename Net::Scalar>) all["weights"] = "bfloat16";
+  return all;
+}
+
+/// Whether the file's tensors are of numbers W.
+template <class W>
+bool keeps_parameters_as(const SafetensorsReader& file) {
+  return !file.tensors().empty() && file.tensors().begin()->second.dtype == safetensors_dtype<W>();
+}
+
+}  // namespace detail
+
 /// The metadata of every file with a network: its "architecture", as the C++ type with runs of equal layers
 /// as "10 x ...", its "scalar", and "weights" where they are kept in another type.
 template <class Net>
 Metadata network_metadata() {
   using detail::LayerName, detail::LayerText;
-  Metadata all{{"architecture", LayerName<typename Net::Architecture>::text(LayerText::shortened)},
-               {"scalar", std::is_same_v<typename Net::Scalar, float> ? "float32" : "float64"}};
-  if (!std::is_same_v<typename Net::Weight, typename Net::Scalar>) all["weights"] = "bfloat16";
+  Metadata all = detail::number_metadata<Net>();
+  all["architecture"] = LayerName<typename Net::Architecture>::text(LayerText::shortened);
   return all;
 }
 

@@ -18,13 +18,16 @@ namespace rbres::RBRES_ABI {
 /// bodies numbered otherwise. One law serves any number of bodies of any shapes.
 ///
 ///     simulate(system, state, Gravity{}, Rk4{}, law, {.step = law.scales.frame_time, .duration = 2.0});
-template <int Width = 48, int Rounds = 2, std::floating_point T = float>
+///
+/// W = bfloat16 keeps the network's weights in half the memory. Such a law cannot be trained: convert one of
+/// float, or load its file.
+template <int Width = 48, int Rounds = 2, std::floating_point T = float, WeightOf<T> W = T>
 struct ContactLaw {
   /// The network's numbers.
   using Scalar = T;
   /// What a law's network is.
   using Network =
-      ContactNetwork<T, detail::Contact::features, detail::ContactImpulse::outputs, Width, Rounds>;
+      ContactNetwork<T, detail::Contact::features, detail::ContactImpulse::outputs, Width, Rounds, W>;
   /// The contacts of one frame.
   using Frame = detail::ContactFrame<T>;
 
@@ -128,5 +131,12 @@ struct ContactLaw {
       states[i] = detail::pushed(bodies[i], states[i], frame.sums[i] * share);
   }
 };
+
+/// The same law with its network's weights kept as W, each rounded to the nearest.
+template <class W, int Width, int Rounds, std::floating_point T, class Kept>
+ContactLaw<Width, Rounds, T, W> with_weights(const ContactLaw<Width, Rounds, T, Kept>& law) {
+  using Network = typename ContactLaw<Width, Rounds, T, W>::Network;
+  return {Network(law.network), law.input, law.scales};
+}
 
 }  // namespace rbres::RBRES_ABI

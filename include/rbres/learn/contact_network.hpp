@@ -62,14 +62,14 @@ template <int In, int Width, int Out>
 using Perceptron =
     Sequential<Linear<In, Width>, AlgebraicSilu, Linear<Width, Width>, AlgebraicSilu, Linear<Width, Out>>;
 
-template <class T, int In, int Width, int Out, class>
+template <class T, class W, int In, int Width, int Out, class>
 struct ContactParts;
-template <class T, int In, int Width, int Out, int... Message>
-struct ContactParts<T, In, Width, Out, std::integer_sequence<int, Message...>> {
+template <class T, class W, int In, int Width, int Out, int... Message>
+struct ContactParts<T, W, In, Width, Out, std::integer_sequence<int, Message...>> {
   template <int>
-  using Update = Perceptron<3 * Width, Width, Width>;
-  using type =
-      NetworkParts<T, Perceptron<In, Width, Width>, Update<Message>..., Perceptron<Width, Width, Out>>;
+  using Update = Network<T, Perceptron<3 * Width, Width, Width>, W>;
+  using type = NetworkParts<Network<T, Perceptron<In, Width, Width>, W>, Update<Message>...,
+                            Network<T, Perceptron<Width, Width, Out>, W>>;
 };
 
 }  // namespace detail
@@ -77,13 +77,14 @@ struct ContactParts<T, In, Width, Out, std::integer_sequence<int, Message...>> {
 /// A graph network over contacts (after Battaglia et al. 2018): every contact is encoded; in each round after
 /// the first it is changed by a function of itself and of the sums, over its two bodies, of the encodings of
 /// their contacts; at last it is decoded. Bodies enter through sums alone, one set of weights serves any
-/// number of them, and nothing depends on their order but rounding.
-template <std::floating_point T, int In, int Out, int Width, int Rounds>
+/// number of them, and nothing depends on their order but rounding. W is what its parameters are kept in (see
+/// Network).
+template <std::floating_point T, int In, int Out, int Width, int Rounds, WeightOf<T> W = T>
 class ContactNetwork
-    : public detail::ContactParts<T, In, Width, Out, std::make_integer_sequence<int, Rounds - 1>>::type {
+    : public detail::ContactParts<T, W, In, Width, Out, std::make_integer_sequence<int, Rounds - 1>>::type {
   static_assert(Rounds >= 1, "a contact network has at least one round");
   using Base =
-      typename detail::ContactParts<T, In, Width, Out, std::make_integer_sequence<int, Rounds - 1>>::type;
+      typename detail::ContactParts<T, W, In, Width, Out, std::make_integer_sequence<int, Rounds - 1>>::type;
   template <int I>
   using Part = typename Base::template Part<I>;
 

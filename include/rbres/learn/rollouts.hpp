@@ -6,6 +6,7 @@
 #include <rbres/nn/objective.hpp>
 
 #include <cmath>
+#include <concepts>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -18,6 +19,8 @@ namespace rbres::RBRES_ABI {
 template <class Law>
 class Rollouts {
   using Net = typename Law::Network;
+  static_assert(std::same_as<typename Net::Weight, typename Net::Scalar>,
+                "Rollouts: a law of half-size weights is not trained; train a float one, then convert it");
   using States = std::vector<RigidState<double>>;
 
  public:

@@ -11,14 +11,15 @@
 /// The one matrix kernel. Every matrix stands in panels of 64 bytes: number (r, c) of a matrix with C columns
 /// is number (r / lanes * C + c) * lanes + r % lanes, with zeros up to the next multiple of `lanes` rows.
 /// Weights have outputs as rows and inputs as columns; activations have features as rows and samples as
-/// columns. So whatever the kernel walks along lies in sequence. The layout is the same for every instruction
-/// set.
+/// columns. So whatever the kernel walks along lies in sequence. Weights of half the size stand in double
+/// panels of twice as many rows, so that these have 64 bytes, too; an odd last panel is a single one. The
+/// layout is the same for every instruction set.
 namespace rbres::RBRES_ABI::detail {
 
 /// Numbers in one column of a panel.
 template <class T>
 inline constexpr int lanes = static_cast<int>(64 / sizeof(T));
-/// Weights of half the size stand where floats would, in panels of 32 bytes.
+/// Weights of half the size take the places of as many floats.
 template <>
 inline constexpr int lanes<bfloat16> = lanes<float>;
 
@@ -45,6 +46,27 @@ struct Panels {
   }
 };
 
+/// Weights of so many columns in panels, of which the first rows may stand in double ones.
+struct WeightLayout {
+  int columns;
+  int panel;        ///< rows of a panel
+  int double_rows;  ///< rows that stand in double panels
+
+  /// Rows of the panel in which a row stands: how far apart its numbers are.
+  constexpr int panel_of(int row) const noexcept { return row < double_rows ? 2 * panel : panel; }
+  /// Place of a number.
+  constexpr std::size_t index(int row, int column) const noexcept {
+    const int length = panel_of(row);
+    const int place = (row / length * columns + column) * length + row % length;
+    return static_cast<std::size_t>(place);
+  }
+};
+template <class W>
+constexpr WeightLayout weight_layout(int rows, int columns) noexcept {
+  constexpr bool is_half = sizeof(W) * lanes<W> < 64;
+  return {columns, lanes<W>, is_half ? padded<W>(rows) / (2 * lanes<W>)*2 * lanes<W> : 0};
+}
+
 /// A left factor a(r, k) at data[r * Row + k / lanes * panel + k % lanes * Step].
 template <class T, int Row, int Step>
 struct Left {
@@ -62,6 +84,25 @@ Left<T, 1, lanes<T>> rows_as_rows(Panels<const T> x) noexcept {
   return {x.data, lanes<T> * lanes<T>};
 }
 
+/// A right factor, from one of its lanes on: register v of b(lanes, k) is at data[k * step + v * apart].
+template <class W>
+struct Right {
+  const W* data;
+  std::ptrdiff_t step, apart;
+  std::ptrdiff_t panel;  ///< numbers of the panel, in all columns
+};
+template <class T>
+Right<T> lanes_as_columns(Panels<const T> x) noexcept {
+  const std::ptrdiff_t panel = x.columns * lanes<T>;
+  return {x.data, lanes<T>, simd_width<T> == lanes<T> ? panel : simd_width<T>, panel};
+}
+/// Weights from output `first` on.
+template <class W>
+Right<W> weights_as_columns(const W* weights, const WeightLayout& layout, int first) noexcept {
+  const std::ptrdiff_t step = layout.panel_of(first), panel = layout.columns * step;
+  return {weights + layout.index(first, 0), step, simd_width<W> == step ? panel : simd_width<W>, panel};
+}
+
 /// Accumulators that fill the registers: at most tile_rows x tile_vectors of them.
 #if defined(__AVX512F__)
 inline constexpr int tile_rows = 14, tile_vectors = 2;
@@ -73,23 +114,20 @@ inline constexpr int tile_rows = 6, tile_vectors = 2;
 /// sum is taken in the order of k whatever the tile, so that the result does not depend on how rows are
 /// split. Fetches `ahead` meanwhile.
 template <int Rows, int Vectors, class T, int Row, int Step, class W, class Finish>
-[[gnu::always_inline]] inline void tile(std::ptrdiff_t depth, Left<T, Row, Step> a, Panels<const W> b,
+[[gnu::always_inline]] inline void tile(std::ptrdiff_t depth, Left<T, Row, Step> a, Right<W> b,
                                         const W* ahead, const Finish& finish) {
   constexpr int width = simd_width<T>;
-  constexpr bool paired = Vectors == 2 && lanes<T> >= 2 * width;  // two registers of one panel
   Simd<T> sum[std::size_t(Rows)][std::size_t(Vectors)] = {};
-  const W* right = b.data;
   for (std::ptrdiff_t panel = 0; panel < depth; panel += lanes<T>, a.data += a.panel) {
     const std::ptrdiff_t count = std::min<std::ptrdiff_t>(lanes<T>, depth - panel);
-    for (std::ptrdiff_t k = 0; k < count; ++k, right += lanes<T>, ahead += lanes<T>) {
+    for (std::ptrdiff_t k = 0; k < count; ++k, b.data += b.step, ahead += b.step) {
       __builtin_prefetch(ahead, 0, 2);
       Simd<T> column[std::size_t(Vectors)];
-      if constexpr (paired) {
-        load_two(right, column[0], column[Vectors - 1]);
+      if constexpr (Vectors == 2) {
+        load_two(b.data, b.apart, column[0], column[1]);
       } else {
 #pragma GCC unroll 16
-        for (int v = 0; v < Vectors; ++v)
-          column[v] = load(Panels<const W>{right, b.columns}.at(v * width, 0));
+        for (int v = 0; v < Vectors; ++v) column[v] = load(b.data + v * b.apart);
       }
 #pragma GCC unroll 16
       for (int r = 0; r < Rows; ++r) {
@@ -101,7 +139,7 @@ template <int Rows, int Vectors, class T, int Row, int Step, class W, class Fini
   }
 #pragma GCC unroll 16
   for (int r = 0; r < Rows; ++r) {
-    if constexpr (paired) reorder_two<W>(sum[r][0], sum[r][Vectors - 1]);
+    if constexpr (Vectors == 2) reorder_two<W>(sum[r][0], sum[r][1]);
 #pragma GCC unroll 16
     for (int v = 0; v < Vectors; ++v) finish(r, v * width, sum[r][v]);
   }
@@ -111,13 +149,13 @@ template <int Rows, int Vectors, class T, int Row, int Step, class W, class Fini
 /// single one: so there are half as many tiles to compile.
 template <int Vectors, class T, int Row, int Step, class W, class Finish>
 [[gnu::always_inline]] inline void tiles(int rows, std::ptrdiff_t depth, Left<T, Row, Step> a,
-                                         Panels<const W> b, const Finish& finish) {
-  constexpr int panels = std::max(1, Vectors * simd_width<T> / lanes<T>);
+                                         const Right<W>& b, const Finish& finish) {
+  const std::ptrdiff_t panels = std::max<std::ptrdiff_t>(1, Vectors * simd_width<T> / b.step);
   const int count = (rows + tile_rows - 1) / tile_rows;
   for (int t = 0, row = 0; row < rows; ++t) {
     const int left = rows - row, even = t < count ? (left / 2 + count - t - 1) / (count - t) * 2 : 0;
     const int now = even > 0 ? even : 1;
-    const W* ahead = b.at((t < panels ? panels + t : 0) * lanes<T>, 0);  // the panels of the next lanes, once
+    const W* ahead = b.data + (t < panels ? panels + t : 0) * b.panel;  // the panels of the next lanes, once
     const Left<T, Row, Step> from{a.data + row * Row, a.panel};
     const auto shifted = [&finish, row ](int r, int lane, const Simd<T>& z) __attribute__((always_inline)) {
       finish(row + r, lane, z);
@@ -149,7 +187,7 @@ struct Groups {
   /// finish(r, lane, (a b)(r, lane...)) for all rows and the lanes of one group, from which on b stands.
   template <int Row, int Step, class W, class Finish>
   [[gnu::always_inline]] void multiply(int group, int rows, std::ptrdiff_t depth, Left<T, Row, Step> a,
-                                       Panels<const W> b, const Finish& finish) const {
+                                       const Right<W>& b, const Finish& finish) const {
     const int first = first_lane(group), now = vectors + (group < larger ? 1 : 0);
     const auto shifted = [&finish, first ](int r, int lane, const Simd<T>& z) __attribute__((always_inline)) {
       finish(r, first + lane, z);
@@ -161,44 +199,60 @@ struct Groups {
   }
 };
 
-/// finish(0, lane, (W x)(lane...)) for one sample x in sequence. Memory bounds it, so it walks the panels in
-/// sequence.
-template <class T, class W, class Finish>
-[[gnu::always_inline]] inline void multiply_row(int out, std::ptrdiff_t in, const W* weights, const T* x,
-                                                const Finish& finish) {
-  constexpr int width = simd_width<T>, vectors = lanes<T> / width, parts = 4;
-  for (int lane = 0; lane < out; lane += lanes<T>, weights += in * lanes<T>) {
-    Simd<T> sum[parts][std::size_t(vectors)] = {};
+/// finish(0, lane, (W x)(lane...)) for one sample x in sequence and the lanes of one panel of Length rows, of
+/// as many at once as leave room for sums in the registers.
+template <int Length, class T, class W, class Finish>
+[[gnu::always_inline]] inline void multiply_panel(int first, std::ptrdiff_t in, const W* weights, const T* x,
+                                                  const Finish& finish) {
+  constexpr int width = simd_width<T>, vectors = std::min(Length / width, 4);
+  constexpr int parts = 8 / std::max(vectors, 2);
+  for (int lane = 0; lane < Length; lane += vectors * width) {
+    Simd<T> sum[std::size_t(parts)][std::size_t(vectors)] = {};
     const auto add = [&](std::ptrdiff_t k, int part) {
-      const W* column = weights + k * lanes<T>;
+      const W* column = weights + k * Length + lane;
       if constexpr (vectors == 1) {
         sum[part][0] += x[k] * load(column);
       } else {
 #pragma GCC unroll 16
         for (int v = 0; v < vectors; v += 2) {
           Simd<T> a, b;
-          load_two(column + v * width, a, b);
+          load_two(column + v * width, width, a, b);
           sum[part][v] += x[k] * a;
           sum[part][v + 1] += x[k] * b;
         }
       }
     };
     const std::ptrdiff_t whole = in / parts * parts;
-    for (std::ptrdiff_t k = 0; k < whole; k += parts) {
-      constexpr std::ptrdiff_t line = 64 / sizeof(W), away = 64 * line;
-#pragma GCC unroll 16
-      for (std::ptrdiff_t at = 0; at < parts * lanes<T>; at += line)
-        __builtin_prefetch(weights + k * lanes<T> + away + at);
+    for (std::ptrdiff_t k = 0; k < whole; k += parts)
 #pragma GCC unroll 16
       for (int part = 0; part < parts; ++part) add(k + part, part);
-    }
     for (std::ptrdiff_t k = whole; k < in; ++k) add(k, 0);
 #pragma GCC unroll 16
-    for (int v = 0; v < vectors; ++v) sum[0][v] = (sum[0][v] + sum[1][v]) + (sum[2][v] + sum[3][v]);
-    if constexpr (vectors == 2) reorder_two<W>(sum[0][0], sum[0][vectors - 1]);
+    for (int step = 1; step < parts; step *= 2)
 #pragma GCC unroll 16
-    for (int v = 0; v < vectors; ++v) finish(0, lane + v * width, sum[0][v]);
+      for (int part = 0; part < parts; part += 2 * step)
+#pragma GCC unroll 16
+        for (int v = 0; v < vectors; ++v) sum[part][v] += sum[part + step][v];
+    if constexpr (vectors > 1) {
+#pragma GCC unroll 16
+      for (int v = 0; v < vectors; v += 2) reorder_two<W>(sum[0][v], sum[0][v + 1]);
+    }
+#pragma GCC unroll 16
+    for (int v = 0; v < vectors; ++v) finish(0, first + lane + v * width, sum[0][v]);
   }
+}
+
+/// finish(0, lane, (W x)(lane...)) for one sample x in sequence. Memory bounds it, so it walks the panels in
+/// sequence.
+template <class T, class W, class Finish>
+[[gnu::always_inline]] inline void multiply_row(int out, int in, const W* weights, const T* x,
+                                                const Finish& finish) {
+  const WeightLayout layout = weight_layout<W>(out, in);
+  int lane = 0;
+  for (; lane < layout.double_rows; lane += 2 * lanes<W>)
+    multiply_panel<2 * lanes<W>>(lane, in, weights + layout.index(lane, 0), x, finish);
+  for (; lane < out; lane += lanes<W>)
+    multiply_panel<lanes<W>>(lane, in, weights + layout.index(lane, 0), x, finish);
 }
 
 /// One step of the transposition of a square of registers: exchanges the lanes of a whose number has `Bit`
@@ -206,29 +260,23 @@ template <class T, class W, class Finish>
 template <int Bit, class V, int... J>
 [[gnu::always_inline]] inline void exchange(V& a, V& b, std::integer_sequence<int, J...>) noexcept {
   constexpr int width = sizeof...(J);
-#if defined(__GNUC__) && !defined(__clang__) && __GNUC__ < 12
-  // The older name of the same instruction, with the lanes' numbers in a vector.
-  using Numbers = decltype(a < b);
-  const V low = __builtin_shuffle(a, b, Numbers{((J & Bit) != 0 ? width + J - Bit : J)...});
-  b = __builtin_shuffle(a, b, Numbers{((J & Bit) != 0 ? width + J : J + Bit)...});
-#else
-  const V low = __builtin_shufflevector(a, b, ((J & Bit) != 0 ? width + J - Bit : J)...);
-  b = __builtin_shufflevector(a, b, ((J & Bit) != 0 ? width + J : J + Bit)...);
-#endif
+  const V low = shuffle<((J & Bit) != 0 ? width + J - Bit : J)...>(a, b);
+  b = shuffle<((J & Bit) != 0 ? width + J : J + Bit)...>(a, b);
   a = low;
 }
 
 /// to(i, o) = weights(o, first + i) for all outputs and `count` inputs, a multiple of the register; zeros
 /// beyond the last.
 template <class T, class W>
-inline void transpose(int out, int in, Panels<const W> weights, int first, int count, Panels<T> to) noexcept {
+inline void transpose(int out, int in, const W* weights, int first, int count, Panels<T> to) noexcept {
+  const WeightLayout layout = weight_layout<W>(out, in);
   constexpr int width = simd_width<T>;
   for (int o = 0; o < padded<T>(out); o += width)
     for (int i = 0; i < count; i += width) {
       Simd<T> square[std::size_t(width)];
 #pragma GCC unroll 16
       for (int r = 0; r < width; ++r)
-        square[r] = first + i + r < in ? load(weights.at(o, first + i + r)) : Simd<T>{};
+        square[r] = first + i + r < in ? load(weights + layout.index(o, first + i + r)) : Simd<T>{};
       const auto step = [&]<int Bit>(std::integral_constant<int, Bit>) {
         if constexpr (Bit < width)
 #pragma GCC unroll 16

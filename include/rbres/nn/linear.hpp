@@ -37,9 +37,10 @@ template <class Chain, bool HasSkip, bool Recorded, class T, class W>
   // In training the order of sums must not depend on how a batch is split.
   if (!Recorded && in.columns == 1) return multiply_row<T>(outputs, inputs, weights, in.data, finish);
   const Groups<T> groups(padded<T>(outputs));
+  const WeightLayout layout = weight_layout<W>(outputs, inputs);
   for (int g = 0; g < groups.count; ++g)
     groups.multiply(g, count, inputs, columns_as_rows<T>({in.data, in.columns}),
-                    Panels<const W>{weights, inputs}.from(groups.first_lane(g), 0), finish);
+                    weights_as_columns(weights, layout, groups.first_lane(g)), finish);
 }
 
 /// out = chain(in) + skip, which may be done in place.
@@ -81,10 +82,10 @@ template <class T, class W, class Finish>
   const Groups<T> groups(padded<T>(inputs));
   for (int g = 0; g < groups.count; ++g) {
     const int first = groups.first_lane(g);
-    transpose<T>(outputs, inputs, Panels<const W>{weights, inputs}, first, groups.first_lane(g + 1) - first,
+    transpose<T>(outputs, inputs, weights, first, groups.first_lane(g + 1) - first,
                  {cache, padded<T>(outputs)});
     groups.multiply(g, count, outputs, columns_as_rows<T>({in.data, in.columns}),
-                    Panels<const T>{cache, padded<T>(outputs)}, finish);
+                    lanes_as_columns<T>({cache, padded<T>(outputs)}), finish);
   }
 }
 
@@ -97,7 +98,7 @@ template <class T>
   const int first = groups.first_lane(group);
   groups.multiply(
       group, rows, samples, rows_as_rows<T>(in),
-      gradient, [=](int r, int lane, Simd<T> sum) __attribute__((always_inline)) {
+      lanes_as_columns<T>(gradient), [=](int r, int lane, Simd<T> sum) __attribute__((always_inline)) {
         T* to = sums + r * tile_vectors * simd_width<T> + (lane - first);
         if (add) sum += load(to);
         store(to, sum);

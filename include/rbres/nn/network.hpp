@@ -24,15 +24,30 @@ struct ParameterTensor {
   /// @{
   int rows, columns;
   /// @}
-  std::size_t offset;  ///< in the network's block
-  int lanes;           ///< outputs in a panel
+  std::size_t offset;           ///< in the network's block
+  detail::WeightLayout layout;  ///< from there on
 
   /// Place of number (row, column) in the network's block (and in gradients and moments, which share its
   /// layout).
-  std::size_t index(int row, int column = 0) const noexcept {
-    return offset + static_cast<std::size_t>((row / lanes * columns + column) * lanes + row % lanes);
-  }
+  std::size_t index(int row, int column = 0) const noexcept { return offset + layout.index(row, column); }
 };
+
+namespace detail {
+
+/// The parameters of one network as those of another, which keeps them in another type, each rounded to the
+/// nearest.
+template <class From, class To>
+void round_parameters(std::span<const typename From::Weight> from, std::span<typename To::Weight> to) {
+  const std::vector<ParameterTensor> theirs = From::tensors(), ours = To::tensors();
+  for (std::size_t i = 0; i < ours.size(); ++i)
+    for (int row = 0; row < ours[i].rows; ++row)
+      for (int column = 0; column < ours[i].columns; ++column) {
+        const typename From::Scalar number(from[theirs[i].index(row, column)]);
+        to[ours[i].index(row, column)] = typename To::Weight(number);
+      }
+}
+
+}  // namespace detail
 
 /// A network as a value: `Layers` is a Sequential<...>, T float or double. All parameters stand in one flat
 /// block, aligned to a cache line; a copy is a copy, and what a move leaves is as Network(), all zero. In
@@ -73,8 +88,7 @@ class Network : public NetworkFunction<Network<T, Layers, W>, T, Layers, W> {
   /// The same network with its parameters kept in another type, each rounded to the nearest.
   template <class Other>
   requires(!std::same_as<Other, W>) explicit Network(const Network<T, Layers, Other>& other) : Network() {
-    const std::span<const Other> theirs = other.parameters();
-    std::transform(theirs.begin(), theirs.end(), parameters_.data(), [](Other x) { return W(T(x)); });
+    detail::round_parameters<Network<T, Layers, Other>, Network>(other.parameters(), parameters());
   }
 
   /// The whole block. Numbers that no tensor names are filling and must stay zero.
@@ -94,10 +108,12 @@ class Network : public NetworkFunction<Network<T, Layers, W>, T, Layers, W> {
       const detail::Stage& stage = Function::Compiled::stage(s);
       if (!stage.has_linear && !stage.has_norm) continue;
       const std::string& name = names[static_cast<std::size_t>(layer++)];
-      all.push_back({name + ".weight", stage.has_norm, stage.outputs, stage.has_linear ? stage.inputs : 1,
-                     Function::Passes::offset(s), detail::lanes<T>});
-      all.push_back({name + ".bias", true, stage.outputs, 1,
-                     Function::Passes::offset(s) + Function::Passes::weight_size(s), detail::lanes<T>});
+      const int rows = stage.outputs, columns = stage.has_linear ? stage.inputs : 1;
+      const std::size_t weight = Function::Passes::offset(s),
+                        bias = weight + Function::Passes::weight_size(s);
+      all.push_back(
+          {name + ".weight", stage.has_norm, rows, columns, weight, detail::weight_layout<W>(rows, columns)});
+      all.push_back({name + ".bias", true, rows, 1, bias, detail::weight_layout<W>(rows, 1)});
     }
     return all;
   }

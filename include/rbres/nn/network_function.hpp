@@ -36,10 +36,11 @@ auto plain_forward(const W* parameters, const Eigen::MatrixBase<Derived>& x) {
       out.resize(stage.outputs);
       const W* weights = parameters + Passes::offset(s);
       const W* bias = weights + Passes::weight_size(s);
+      constexpr WeightLayout layout = weight_layout<W>(stage.outputs, stage.inputs);
       for (int o = 0; o < stage.outputs; ++o) {
         S sum = static_cast<S>(T(bias[o]));
         for (int i = 0; i < stage.inputs; ++i) {
-          const T weight(weights[(o / lanes<T> * stage.inputs + i) * lanes<T> + o % lanes<T>]);
+          const T weight(weights[layout.index(o, i)]);
           sum += static_cast<S>(in[i] * weight);
         }
         out[o] = sum;

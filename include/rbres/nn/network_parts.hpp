@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <concepts>
 #include <cstdint>
 #include <span>
 #include <string>
@@ -16,7 +17,7 @@ namespace rbres::RBRES_ABI {
 /// outlive it.
 template <class Net>
 class NetworkPart {
-  using T = typename Net::Scalar;
+  using W = typename Net::Weight;
 
  public:
   /// Samples as columns.
@@ -25,10 +26,10 @@ class NetworkPart {
   using Workspace = typename Net::Workspace;
 
   /// Looks at Net::block_size numbers from here on.
-  explicit NetworkPart(const T* parameters) noexcept : parameters_(parameters) {}
+  explicit NetworkPart(const W* parameters) noexcept : parameters_(parameters) {}
 
   /// The part's share of the block.
-  std::span<const T> parameters() const noexcept { return {parameters_, Net::block_size}; }
+  std::span<const W> parameters() const noexcept { return {parameters_, Net::block_size}; }
 
   /// As Network::forward, for columns of the right sizes: output_size x n from input_size x n. Allocates
   /// nothing.
@@ -38,29 +39,34 @@ class NetworkPart {
   }
 
  private:
-  const T* parameters_;
+  const W* parameters_;
 };
 
-/// Several networks, one for each Sequential<...>, whose parameters stand in one block, part after part: what
-/// a model of several networks trains, clips and saves as one. A move is a copy.
-template <std::floating_point T, class... Layers>
+/// Several networks (Network<...>, all of the same Scalar and Weight) whose parameters stand in one block,
+/// part after part: what a model of several networks trains, clips and saves as one. A move is a copy.
+template <class First, class... Rest>
 class NetworkParts {
+  using W = typename First::Weight;
+  static_assert((std::same_as<W, typename Rest::Weight> && ...) &&
+                    (std::same_as<typename First::Scalar, typename Rest::Scalar> && ...),
+                "NetworkParts: its networks have the same numbers");
+
  public:
   /// The type of its numbers.
-  using Scalar = T;
+  using Scalar = typename First::Scalar;
   /// The type in which its parameters are kept.
-  using Weight = T;
+  using Weight = W;
   /// The layers of each part.
-  using Architecture = std::tuple<Layers...>;
+  using Architecture = std::tuple<typename First::Architecture, typename Rest::Architecture...>;
   /// How many networks there are.
-  static constexpr int part_count = sizeof...(Layers);
+  static constexpr int part_count = 1 + sizeof...(Rest);
   /// The type of network I.
   template <int I>
-  using Part = Network<T, std::tuple_element_t<static_cast<std::size_t>(I), Architecture>>;
+  using Part = std::tuple_element_t<static_cast<std::size_t>(I), std::tuple<First, Rest...>>;
 
   /// Where part i begins in the block; that of part_count is the size of the whole.
   static constexpr std::size_t offset(int i) {
-    constexpr std::array<std::size_t, sizeof...(Layers)> sizes{Network<T, Layers>::block_size...};
+    constexpr std::array<std::size_t, 1 + sizeof...(Rest)> sizes{First::block_size, Rest::block_size...};
     std::size_t sum = 0;
     for (int k = 0; k < i; ++k) sum += sizes[static_cast<std::size_t>(k)];
     return sum;
@@ -68,7 +74,7 @@ class NetworkParts {
   /// Numbers in the block, with filling.
   static constexpr std::size_t block_size = offset(part_count);
   /// Numbers that are learned.
-  static constexpr std::size_t parameter_count = (0 + ... + Network<T, Layers>::parameter_count);
+  static constexpr std::size_t parameter_count = (First::parameter_count + ... + Rest::parameter_count);
 
   /// What training has to know of the block.
   struct Passes {
@@ -95,6 +101,15 @@ class NetworkParts {
     });
   }
 
+  /// The same networks with their parameters kept in another type, each rounded to the nearest.
+  template <class... Others>
+  requires(sizeof...(Others) == part_count &&
+           !std::same_as<typename NetworkParts<Others...>::Weight,
+                         W>) explicit NetworkParts(const NetworkParts<Others...>& other)
+      : NetworkParts() {
+    detail::round_parameters<NetworkParts<Others...>, NetworkParts>(other.parameters(), parameters());
+  }
+
   /// A copy has a block of its own.
   /// @{
   NetworkParts(const NetworkParts&) = default;
@@ -103,8 +118,8 @@ class NetworkParts {
 
   /// The whole block. Filling must stay zero.
   /// @{
-  std::span<T> parameters() noexcept { return {parameters_.data(), block_size}; }
-  std::span<const T> parameters() const noexcept { return {parameters_.data(), block_size}; }
+  std::span<W> parameters() noexcept { return {parameters_.data(), block_size}; }
+  std::span<const W> parameters() const noexcept { return {parameters_.data(), block_size}; }
   /// @}
 
   /// Network I, which looks at this block.
@@ -115,10 +130,10 @@ class NetworkParts {
 
   /// The share of part I in a buffer of the block's layout, as a gradient that a Tape adds to.
   template <int I>
-  static auto part_of(std::span<T> block) noexcept {
+  static auto part_of(std::span<Scalar> block) noexcept {
     struct Gradient {
-      std::span<T> share;
-      std::span<T> numbers() const noexcept { return share; }
+      std::span<Scalar> share;
+      std::span<Scalar> numbers() const noexcept { return share; }
     };
     return Gradient{block.subspan(offset(I), Part<I>::block_size)};
   }
@@ -137,7 +152,7 @@ class NetworkParts {
   }
 
  private:
-  AlignedBuffer<T> parameters_;
+  AlignedBuffer<W> parameters_;
 };
 
 }  // namespace rbres::RBRES_ABI

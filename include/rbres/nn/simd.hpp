@@ -63,6 +63,17 @@ template <class T>
   return x;
 }
 
+/// The lanes of a and b, which are counted on from those of a, with these numbers.
+template <int... Lane, class V>
+[[gnu::always_inline]] inline V shuffle(const V& a, const V& b) noexcept {
+#if defined(__GNUC__) && !defined(__clang__) && __GNUC__ < 12
+  using Numbers = decltype(a < b);  // the older name of the same instruction, with the numbers in a vector
+  return __builtin_shuffle(a, b, Numbers{Lane...});
+#else
+  return __builtin_shufflevector(a, b, Lane...);
+#endif
+}
+
 /// A register of floats from numbers of half their size.
 [[gnu::always_inline]] inline Simd<float> load(const bfloat16* from) noexcept {
 #if defined(__AVX512F__)  // zero-masked with every lane kept, as in root_of_lanes()
@@ -78,18 +89,31 @@ template <class T>
 #endif
 }
 
-/// Two neighbouring registers of weights, in an order in which they are had soonest.
+/// Two registers of weights, `apart` numbers from each other, in an order in which they are had soonest;
+/// those of half the size are neighbours.
 /// @{
 template <class T>
-[[gnu::always_inline]] inline void load_two(const T* from, Simd<T>& a, Simd<T>& b) noexcept {
+[[gnu::always_inline]] inline void load_two(const T* from, std::ptrdiff_t apart, Simd<T>& a,
+                                            Simd<T>& b) noexcept {
   a = load(from);
-  b = load(from + simd_width<T>);
+  b = load(from + apart);
 }
-[[gnu::always_inline]] inline void load_two(const bfloat16* from, Simd<float>& a, Simd<float>& b) noexcept {
-#if defined(__AVX2__) && !defined(__AVX512F__)
+[[gnu::always_inline]] inline void load_two(const bfloat16* from, std::ptrdiff_t, Simd<float>& a,
+                                            Simd<float>& b) noexcept {
+#if defined(__AVX512F__)  // numbers 0, 2, ... and 1, 3, ...
+  const __m512i halves = _mm512_loadu_si512(from);
+  a = (Simd<float>)_mm512_maskz_slli_epi32(0xffff, halves, 16);
+  b = (Simd<float>)((Simd<std::uint32_t>)halves & 0xffff0000u);
+#elif defined(__AVX2__)  // numbers 0-3, 8-11 and the others
   const __m256i halves = _mm256_loadu_si256((const __m256i*)from);
-  a = (Simd<float>)_mm256_unpacklo_epi16(_mm256_setzero_si256(), halves);  // numbers 0-3, 8-11
+  a = (Simd<float>)_mm256_unpacklo_epi16(_mm256_setzero_si256(), halves);
   b = (Simd<float>)_mm256_unpackhi_epi16(_mm256_setzero_si256(), halves);
+#elif !defined(__AVX__)  // in their order
+  typedef std::uint16_t Halves __attribute__((vector_size(simd_bytes)));
+  Halves halves;
+  std::memcpy(&halves, from, sizeof halves);
+  a = (Simd<float>)shuffle<0, 8, 1, 9, 2, 10, 3, 11>(Halves{}, halves);
+  b = (Simd<float>)shuffle<4, 12, 5, 13, 6, 14, 7, 15>(Halves{}, halves);
 #else
   a = load(from);
   b = load(from + simd_width<float>);
@@ -101,7 +125,15 @@ template <class T>
 /// @{
 template <class W, class V>
 [[gnu::always_inline]] inline void reorder_two([[maybe_unused]] V& a, [[maybe_unused]] V& b) noexcept {
-#if defined(__AVX2__) && !defined(__AVX512F__)
+#if defined(__AVX512F__)
+  if constexpr (std::is_same_v<W, bfloat16>) {
+    const auto even = (__m512)a, odd = (__m512)b;
+    a = (V)_mm512_permutex2var_ps(
+        even, _mm512_setr_epi32(0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6, 22, 7, 23), odd);
+    b = (V)_mm512_permutex2var_ps(
+        even, _mm512_setr_epi32(8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31), odd);
+  }
+#elif defined(__AVX2__)
   if constexpr (std::is_same_v<W, bfloat16>) {
     const __m256 low = (__m256)a, high = (__m256)b;
     a = (V)_mm256_permute2f128_ps(low, high, 0x20);
