@@ -19,6 +19,7 @@ class ContactMemory {
   ContactMemory(const System& system, std::size_t most_rows) : bodies_(system.size()) {
     last_.reserve(most_rows);
     next_.reserve(most_rows);
+    laid_by_.reserve(most_rows);
     if constexpr (System::bodies != dynamic) return;
     step_.reserve(most_rows);
     groups_.reserve(most_rows);
@@ -52,9 +53,24 @@ class ContactMemory {
 
   /// Forgets all, except in the lanes where `same` holds.
   void forget_unless(const MaskOf<S>& same) {
-    for (Entry& entry : last_) {
-      for (S& force : entry.force) force = select(same, force, S(0));
+    for (auto* entries : {&last_, &laid_by_}) {
+      for (Entry& entry : *entries) {
+        for (S& force : entry.force) force = select(same, force, S(0));
+      }
     }
+  }
+  /// Keeps the forces on the bodies that sleeps(i) apart, until they wake.
+  template <class Sleeps>
+  void lay_by(const Sleeps& sleeps) {
+    const auto asleep = [&](const Entry& entry) {
+      const auto [first, second] = pair_of(entry.key);
+      return sleeps(second) || (first >= 0 && sleeps(first));
+    };
+    remove_where(laid_by_, [&](const Entry& entry) { return !asleep(entry); });
+    for (const Entry& entry : last_) {
+      if (asleep(entry) && laid_by_.size() < laid_by_.capacity()) laid_by_.push_back(entry);
+    }
+    std::sort(laid_by_.begin(), laid_by_.end(), by_key);
   }
   /// The force at a row's point, N along its normal and tangents; zero where none is known.
   std::array<S, 3> force(const Row& row) const {
@@ -106,6 +122,12 @@ class ContactMemory {
   long key(const Candidate& who) const {
     return (static_cast<long>(who.first) * bodies_ + who.second) * points;
   }
+  /// The pair of a key; those of planes are negative.
+  Candidate pair_of(long key) const {
+    const auto floor = [](long a, long b) { return a >= 0 ? a / b : -((b - 1 - a) / b); };
+    const long pair = floor(key, points), first = floor(pair, bodies_);
+    return {static_cast<int>(first), static_cast<int>(pair - first * bodies_)};
+  }
   long key(const Row& row) const { return key(row.who) + static_cast<long>(row.point); }
   static auto at_or_after(std::span<const Entry> entries, long key) {
     return std::lower_bound(entries.begin(), entries.end(), key,
@@ -115,15 +137,18 @@ class ContactMemory {
     return fresh_ ? std::span<const Entry>(step_) : std::span<const Entry>(last_);
   }
   const Entry* find(long key) const {
-    const auto all = known();
-    const auto at = at_or_after(all, key);
-    return at != all.end() && at->key == key ? &*at : nullptr;
+    for (const std::span<const Entry> all : {known(), std::span<const Entry>(laid_by_)}) {
+      const auto at = at_or_after(all, key);
+      if (at != all.end() && at->key == key) return &*at;
+    }
+    return nullptr;
   }
 
   int bodies_;
   Reserved<Entry, row_room<System>> last_, next_;
   Reserved<Entry, room_for<System>(0)> step_;    ///< of all groups: where the step began
   Reserved<Entry, room_for<System>(0)> groups_;  ///< the same: where those done end it
+  Reserved<Entry, row_room<System>> laid_by_;    ///< of bodies that sleep
   bool fresh_ = false;                           ///< whether a group has found nothing yet
 };
 

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <rbres/core/abi.hpp>
 #include <rbres/core/fixed_list.hpp>
 #include <span>
@@ -26,5 +28,12 @@ class Reserved<T, std::dynamic_extent> : public std::vector<T> {
     return *this;
   }
 };
+
+/// Takes the elements out of a list of which is(element).
+template <class List, class Is>
+void remove_where(List& list, const Is& is) {
+  const auto end = std::remove_if(list.begin(), list.end(), is);
+  list.resize(static_cast<std::size_t>(end - list.begin()));
+}
 
 }  // namespace rbres::RBRES_ABI::detail

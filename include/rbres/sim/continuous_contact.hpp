@@ -38,19 +38,20 @@ class ContinuousContact {
   template <class Model, class Integrator, class Observer>
   void step(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
             Observer& observer, ContactTally<S>& tally) {
-    parts_.start_step(y);
+    if (!parts_.start_step(all(), forces, integrator, y, t, h)) return;
     if constexpr (grouped<Model, Observer>) {
       if (step_groups(forces, integrator, y, t, h, observer, tally)) {
-        parts_.end_step(y);
+        parts_.template end_step<Model>(y, h);
         return;
       }
     }
+    parts_.restart_step();
     parts_.log().start_step(false);
     S now = t;
     const S left = parts_.advance(all(), forces, integrator, y, now, h, observer, tally,
                                   [](const auto&) { return true; });
     finish(forces, integrator, y, now, left, tally);
-    parts_.end_step(y);
+    parts_.template end_step<Model>(y, h);
   }
 
  private:

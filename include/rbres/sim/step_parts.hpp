@@ -10,6 +10,7 @@
 #include <rbres/sim/impact_log.hpp>
 #include <rbres/sim/options.hpp>
 #include <rbres/sim/resting_contacts.hpp>
+#include <rbres/sim/sleeping_islands.hpp>
 #include <utility>
 
 namespace rbres::RBRES_ABI::detail {
@@ -50,11 +51,31 @@ class StepParts {
         motion_(per_body<Motion<S>>(system)),
         end_motion_(motion_),
         probe_(free_),
-        log_(system) {}
+        log_(system),
+        sleeping_(system) {}
 
-  /// A step from y; what does not come out of the last one owes nothing to it.
-  void start_step(const State& y) { resting_.continue_from(y); }
-  void end_step(const State& y) { resting_.end_step(y); }
+  /// A step of `all` bodies, h seconds from t after y; what does not come out of the last one owes nothing to
+  /// it. False where all sleep: then it changes nothing.
+  template <class Model, class Integrator>
+  bool start_step(const Bodies& all, const Model& forces, const Integrator& integrator, const State& y,
+                  const S& t, const S& h) {
+    resting_.continue_from(y);
+    sleeping_.forget_rests();
+    if constexpr (may_sleep<Model>) {
+      if (sleeping_.any()) {
+        fly_bodies(*system_, all, forces, integrator, y, t, h, free_);
+        sleeping_.start_step(y, free_);
+      }
+    }
+    return !sleeping_.all_sleep(y);
+  }
+  template <class Model>
+  void end_step(State& y, const S& h) {
+    if constexpr (may_sleep<Model>) sleeping_.end_step(y, h, resting_.memory());
+    resting_.end_step(y);
+  }
+  /// Starts the step anew, with bodies that have not rested yet.
+  void restart_step() { sleeping_.forget_rests(); }
   /// What resting contacts know of their forces.
   ContactMemory<System>& memory() { return resting_.memory(); }
   /// What tells an observer of impulses.
@@ -68,6 +89,7 @@ class StepParts {
                   const S& t, const S& h) {
     bodies_ = bodies;
     fly_to(free_, forces, integrator, y, t, h);
+    sleeping_.hold(bodies_, y, free_);
     search_.start_part(bodies_);
   }
   const State& free() const { return free_; }
@@ -116,12 +138,14 @@ class StepParts {
 
       // Find the pairs that may touch before the step is over.
       fly_to(free_, forces, integrator, y, now, ahead);
+      sleeping_.hold(bodies_, y, free_);
       const auto& ways = search_.ways(bodies_, y, free_, ahead);
       const MaskOf<S> faulty = mark_faults(ways, running, y);
       left = select(faulty, S(0), left);
       running = running & !faulty;
       if (!hold(ways)) return left;
       Pairs& pairs = search_.find(bodies_, y, running);
+      if (!sleeping_.sift(y, ways, ahead, pairs)) continue;
       if (pairs.empty()) {
         replace(running, free_, y);
         left = select(running, S(left - ahead), left);
@@ -154,6 +178,7 @@ class StepParts {
             bodies_, [&](int i) { return stopped & resting_.moves(i); }, y, motion_);
         measure_speeds<System>(motion_, pairs);
         fly_to(free_, forces, integrator, y, now, ahead);
+        sleeping_.hold(bodies_, y, free_);
       }
       if (resting) resting_.find_forces(pairs, y, motion_, free_, ahead, pull);
       const auto go = [&](const S& time) {
@@ -169,6 +194,7 @@ class StepParts {
         } else {
           fly_to(part_end_, forces, integrator, y, now, time);
         }
+        sleeping_.hold(bodies_, y, part_end_);
       };
 
       // Advance to the next impact.
@@ -211,12 +237,18 @@ class StepParts {
       replace(running, part_end_, y);
       left = select(running, S(left - duration), left);
       now = now + duration;
+      if (resting && !any(left > S(0))) sleeping_.collect(pairs);
       search_.start_part(bodies_);
     }
     return left;
   }
 
  private:
+  /// Whether a body's forces depend on nothing but itself: else none sleeps.
+  template <class Model>
+  static constexpr bool may_sleep =
+      SleepingIslands<System>::possible&& is_local<Model, S, typename System::Shape>;
+
   /// Resolves the impacts of this instant; the observer may hear their impulses.
   template <class Observer>
   MaskOf<S> resolve_impacts(Pairs& pairs, const S& now, Observer& observer, ContactTally<S>& tally) {
@@ -272,6 +304,7 @@ class StepParts {
   Motions motion_, end_motion_;  ///< where the part begins and ends
   State probe_;                  ///< for the search of an impact
   ImpactLog<System> log_;
+  SleepingIslands<System> sleeping_;
 };
 
 }  // namespace rbres::RBRES_ABI::detail

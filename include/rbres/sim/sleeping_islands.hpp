@@ -1,0 +1,263 @@
+#pragma once
+
+#include <algorithm>
+#include <rbres/contact/contact_memory.hpp>
+#include <rbres/contact/islands.hpp>
+#include <rbres/contact/pair_search.hpp>
+#include <rbres/core/reserved.hpp>
+#include <span>
+#include <type_traits>
+
+namespace rbres::RBRES_ABI::detail {
+
+/// The islands that sleep: bodies that rest on one another, on planes or on still kinematic bodies, and whose
+/// velocities have been rounding for some time. A step leaves them as they are while nothing changes: their
+/// states and where the forces would take them without contacts, to the bit; what they rest on; and what
+/// comes near. To the solver's tolerance that is where it would take them. Plain doubles alone sleep: lanes
+/// would have to agree, dual numbers have derivatives that change, and float's rounding hides slow starts.
+template <class System>
+class SleepingIslands {
+  using S = typename System::Scalar;
+  using State = typename System::State;
+  using Pairs = ContactPairs<System>;
+  using Bodies = BodyIndices<System::bodies>;
+
+ public:
+  static constexpr bool possible = std::is_same_v<S, double>;
+
+  explicit SleepingIslands(const System& system) : system_(&system), data_(system) {}
+
+  /// Whether body i sleeps.
+  bool has(int i) const {
+    if constexpr (possible) return data_.island[index(i)] >= 0;
+    return false;
+  }
+  /// Whether any body sleeps, or is about to.
+  bool any() const {
+    if constexpr (possible) return data_.sleepers > 0 || data_.drowsy;
+    return false;
+  }
+  /// Whether a step changes no body.
+  bool all_sleep(const State& y) const {
+    if constexpr (possible) {
+      if (data_.sleepers == 0) return false;
+      for (int i = 0; i < system_->size(); ++i) {
+        if (!has(i) && !is_still(i, y)) return false;
+      }
+      return true;
+    }
+    return false;
+  }
+
+  /// A step from y, whose end without contacts would be `free`. Wakes islands of which something has changed.
+  void start_step(const State& y, const State& free) {
+    if constexpr (possible) {
+      data_.free = free;
+      for (int i = 0; i < system_->size(); ++i) {
+        const bool same = y[i] == data_.base[i];
+        if (!same) data_.lies_down[index(i)] = false;
+        if (has(i) && !(same && free[i] == data_.resting_free[i])) wake(i);
+      }
+      for (const Support& s : data_.supports) {
+        if (!(y[s.kinematic] == data_.base[s.kinematic])) wake(s.body);
+      }
+    }
+  }
+  /// The step's rests are collected anew.
+  void forget_rests() {
+    if constexpr (possible) data_.rests.clear();
+  }
+
+  /// Keeps sleeping bodies where they are in y, however `end` has moved them.
+  void hold(const Bodies& bodies, const State& y, State& end) const {
+    if constexpr (possible) {
+      if (data_.sleepers == 0) return;
+      for (const int i : bodies) {
+        if (has(i)) end[i] = y[i];
+      }
+    }
+  }
+
+  /// Takes pairs of sleeping bodies out of those that may touch within `time` s from y, on these `ways` (m).
+  /// False, with its island awake, where a body comes near one: then the pairs are to be found again.
+  template <class Ways>
+  bool sift(const State& y, const Ways& ways, const S& time, Pairs& pairs) {
+    if constexpr (possible) {
+      if (data_.sleepers == 0) return true;
+      bool as_they_were = true;
+      std::size_t left = 0;
+      for (std::size_t k = 0; k < pairs.size(); ++k) {
+        const Candidate& who = pairs[k].who;
+        const bool first = who.first >= 0 && has(who.first), second = has(who.second);
+        if (first || second) {
+          const bool both =
+              who.first < 0 || (first || is_still(who.first, y)) == (second || is_still(who.second, y));
+          if (!both && comes_near(pairs[k], first ? who.second : who.first, y, ways, time)) {
+            wake(first ? who.first : who.second);
+            as_they_were = false;
+          }
+          continue;
+        }
+        if (left != k) pairs[left] = pairs[k];
+        ++left;
+      }
+      pairs.resize(left);
+      return as_they_were;
+    }
+    return true;
+  }
+
+  /// Notes the pairs that rest where a part of the step ends.
+  void collect(const Pairs& pairs) {
+    if constexpr (possible) {
+      for (const auto& pair : pairs) {
+        if (pair.any_resting && data_.rests.size() < data_.rests.capacity())
+          data_.rests.push_back({pair.who, pair.moved});
+      }
+    }
+  }
+
+  /// Ends a step of so many seconds at y: islands that have been quiet for long enough fall asleep, and lose
+  /// velocities that are rounding. `memory` lays their forces by.
+  void end_step(State& y, const S& seconds, ContactMemory<System>& memory) {
+    if constexpr (possible) {
+      if (data_.rests.empty()) return;
+      auto& islands = data_.islands;
+      islands.clear();
+      for (std::size_t k = 0; k < data_.rests.size(); ++k) {
+        const Rest& rest = data_.rests[k];
+        islands.add(k, rest.moved.first, rest.moved.second);
+        for (const int i : {rest.moved.first, rest.moved.second}) {
+          if (i >= 0) data_.counted[index(i)] = false;
+        }
+      }
+      islands.group(false);
+      bool slept = false;
+      data_.drowsy = false;
+      for (std::size_t k = 0; k < islands.count(); ++k) slept |= end_step_of(islands[k], y, seconds);
+      if (slept) {
+        memory.lay_by([&](int i) { return has(i); });
+        remove_where(data_.supports, [&](const Support& s) { return !has(s.body); });
+      }
+    }
+  }
+
+ private:
+  struct Rest {
+    Candidate who, moved;
+  };
+  /// A kinematic body on which a body of a sleeping island lies.
+  struct Support {
+    int kinematic, body;
+  };
+  struct Data {
+    explicit Data(const System& system)
+        : island(per_body<int>(system)),
+          lies_down(per_body<bool>(system)),
+          counted(lies_down),
+          quiet(per_body<S>(system)),
+          base(state_of(system)),
+          free(base),
+          resting_free(base),
+          islands(system) {
+      island.fill(-1);
+      lies_down.fill(false);
+      quiet.fill(S(0));
+      rests.reserve(most_pairs(system));
+      supports.reserve(most_pairs(system));
+    }
+    PerBody<int, System::bodies> island;      ///< the number of one of its bodies; -1: awake
+    PerBody<bool, System::bodies> lies_down;  ///< whether it sleeps after one step more without a change
+    PerBody<bool, System::bodies> counted;    ///< in this step
+    PerBody<S, System::bodies> quiet;         ///< for how long its velocities have been rounding, s
+    State base;                               ///< where bodies sleep, and lie down
+    State free, resting_free;  ///< where free flight takes them: in this step, and in which they fell asleep
+    int sleepers = 0;          ///< bodies that sleep
+    bool drowsy = false;       ///< whether any lies down
+    Islands<System> islands;
+    Reserved<Rest, pair_room<System>> rests;
+    Reserved<Support, pair_room<System>> supports;
+  };
+  struct NoData {
+    explicit NoData(const System&) {}
+  };
+
+  static std::size_t index(int i) { return static_cast<std::size_t>(i); }
+  bool is_still(int i, const State& y) const {
+    return (*system_)[i].is_kinematic() && y[i].velocity == Vec3<S>{} && y[i].angular_velocity == Vec3<S>{};
+  }
+  void wake(int body) {
+    const int island = data_.island[index(body)];
+    if (island < 0) return;
+    for (int i = 0; i < system_->size(); ++i) {
+      if (data_.island[index(i)] != island) continue;
+      data_.island[index(i)] = -1;
+      data_.quiet[index(i)] = S(0);
+      --data_.sleepers;
+    }
+  }
+  /// Whether the awake body of a pair may touch the other within `time`.
+  template <class Ways>
+  bool comes_near(const ContactPair<System>& pair, int awake, const State& y, const Ways& ways,
+                  const S& time) const {
+    typename ContactPair<System>::Contact contact;
+    pair.find(*system_, y, contact);
+    const S turn = time * norm(y[awake].angular_velocity) * (*system_)[awake].bounding_radius();
+    return !(contact.separation > ways[index(awake)] + turn + pair.near);
+  }
+
+  /// The same for one island of resting pairs. True where it falls asleep.
+  bool end_step_of(std::span<const std::size_t> island, State& y, const S& seconds) {
+    bool quiet = true, lay = true;
+    const auto each = [&](const auto& f) {
+      for (const std::size_t k : island) {
+        if (data_.rests[k].moved.first >= 0) f(data_.rests[k].moved.first);
+        f(data_.rests[k].moved.second);
+      }
+    };
+    each([&](int i) {
+      const S size = (*system_)[i].bounding_radius(), scale = speed_scale(size);
+      const S speed = norm(y[i].velocity) + size * norm(y[i].angular_velocity);
+      const bool rounding = speed <= S(8) * as<S>(Constants<S>::solved) * scale;
+      S& time = data_.quiet[index(i)];
+      if (!data_.counted[index(i)]) time = rounding ? time + seconds : S(0);
+      data_.counted[index(i)] = true;
+      lay = lay && rounding && data_.lies_down[index(i)];
+      // The time of a fall as deep as the body is large: a body that speeds up is faster then.
+      quiet = quiet && time >= as<S>(0.1) * scale;
+    });
+    for (const std::size_t k : island) {
+      const Rest& rest = data_.rests[k];
+      if (rest.moved.first < 0 && rest.who.first >= 0) {
+        const int kinematic = rest.moved.second == rest.who.first ? rest.who.second : rest.who.first;
+        if (!is_still(kinematic, y)) return false;
+        if (lay) {
+          data_.base[kinematic] = y[kinematic];
+          data_.supports.push_back({kinematic, rest.moved.second});
+        }
+      }
+    }
+    if (!quiet) return false;
+    const int name = data_.rests[island.front()].moved.second;
+    each([&](int i) {
+      if (!lay) {  // one step more, from velocities of zero
+        y[i].velocity = y[i].angular_velocity = {S(0), S(0), S(0)};
+        data_.base[i] = y[i];
+        data_.lies_down[index(i)] = true;
+      } else if (data_.island[index(i)] < 0) {
+        y[i] = data_.base[i];
+        data_.resting_free[i] = data_.free[i];
+        data_.lies_down[index(i)] = false;
+        data_.island[index(i)] = name;
+        ++data_.sleepers;
+      }
+    });
+    data_.drowsy |= !lay;
+    return lay;
+  }
+
+  const System* system_;
+  std::conditional_t<possible, Data, NoData> data_;
+};
+
+}  // namespace rbres::RBRES_ABI::detail

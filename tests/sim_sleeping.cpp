@@ -1,0 +1,202 @@
+// Islands that have come to rest sleep: a step leaves them as they are, and costs one flight, until something
+// about them changes.
+#include <doctest/doctest.h>
+
+#include <cmath>
+#include <rbres/rbres.hpp>
+
+using namespace rbres;
+
+namespace {
+
+constexpr double step = 2e-3;
+constexpr Material<double> rough{.restitution = 0.2, .friction = 0.5};
+using Boxes = System<double, 4, Box<double>>;
+
+/// Gravity, a push along x from a time on, and how often it was asked for.
+struct Push {
+  long* calls;
+  double from = 1e9, acceleration = 0;
+
+  Wrench<double> operator()(const Body<double, Box<double>>& body, const RigidState<double>&, int i,
+                            double t) const {
+    ++*calls;
+    return {{i == 3 && t >= from ? acceleration * body.mass() : 0.0, 0, -9.81 * body.mass()}, {}};
+  }
+};
+/// The same for all bodies at once: such forces let no body sleep.
+struct Awake {
+  Push push;
+
+  void operator()(const Boxes& system, const SystemState<double, 4>& y, double t,
+                  std::span<Wrench<double>> wrenches) const {
+    for (int i = 0; i < 4; ++i) wrenches[static_cast<std::size_t>(i)] = push(system[i], y[i], i, t);
+  }
+};
+
+/// A stack of three boxes, and one beside it.
+Boxes boxes(const Material<double>& material = rough) {
+  return Boxes::of(Body(Box{0.2, 0.2, 0.1}, 1.0, material), {floor_plane(material)});
+}
+SystemState<double, 4> at_rest() {
+  SystemState<double, 4> y;
+  for (int i = 0; i < 3; ++i) y[i].position = {0.01 * i, 0, 0.1 + 0.2 * i};
+  y[3].position = {2, 0, 0.1};
+  return y;
+}
+
+double distance(const SystemState<double, 4>& a, const SystemState<double, 4>& b) {
+  double most = 0;
+  for (int i = 0; i < 4; ++i) most = std::max(most, norm(a[i].position - b[i].position));
+  return most;
+}
+
+/// A run of the same bodies twice: with forces that let them sleep, and with forces that do not.
+template <class Change>
+void compare(double seconds, const Push& push, double bound, const Change& change) {
+  const Boxes system = boxes();
+  long ignored = 0;
+  Push same = push;
+  same.calls = &ignored;
+  Stepper<Boxes, Push, Rk4> sleeps(system, push, Rk4{}, {.step = step});
+  Stepper<Boxes, Awake, Rk4> awake(system, Awake{same}, Rk4{}, {.step = step});
+  SystemState<double, 4> y = at_rest(), truth = y;
+  for (int k = 0; k * step < seconds; ++k) {
+    change(k * step, y);
+    change(k * step, truth);
+    sleeps.step(y, k * step, step);
+    awake.step(truth, k * step, step);
+  }
+  CHECK(distance(y, truth) < bound);
+}
+const auto nothing = [](double, SystemState<double, 4>&) {};
+
+}  // namespace
+
+TEST_CASE("bodies at rest sleep: a step is one flight of each, and where they are is where they would be") {
+  long calls = 0;
+  const Boxes system = boxes();
+  Stepper<Boxes, Push, Rk4> stepper(system, Push{&calls}, Rk4{}, {.step = step});
+  SystemState<double, 4> y = at_rest();
+  for (int k = 0; k < 500; ++k) stepper.step(y, k * step, step);
+  calls = 0;
+  const SystemState<double, 4> before = y;
+  for (int k = 500; k < 1000; ++k) stepper.step(y, k * step, step);
+  CHECK(calls == 500 * 4 * 4);  // Runge and Kutta's four looks at each body
+  CHECK(y == before);
+  compare(4, Push{&calls}, 1e-12, nothing);
+
+  // A step of another length is another step: they wake, and sleep again.
+  stepper.step(y, 2, 0.5 * step);
+  calls = 0;
+  for (int k = 0; k < 500; ++k) stepper.step(y, 2 + k * step, step);
+  CHECK(calls > 500 * 4 * 4);
+  CHECK(distance(y, before) < 1e-12);
+}
+
+TEST_CASE("a force that sets in wakes a body at once") {
+  long calls = 0;
+  const double fast = 8, slow = 1e-6;
+  compare(1.5, Push{&calls, 1.0, fast}, 1e-9, nothing);
+  // On smooth ground the least force moves a body, whatever the tolerance of its contacts.
+  const Boxes system = boxes({.restitution = 0.2, .friction = 0});
+  for (const double from : {0.0, 1.0}) {
+    Stepper<Boxes, Push, Rk4> stepper(system, Push{&calls, from, slow}, Rk4{}, {.step = step});
+    SystemState<double, 4> y = at_rest();
+    for (int k = 0; k < 2000; ++k) stepper.step(y, k * step, step);
+    const double t = 4 - from;
+    CHECK(std::abs(y[3].position.x - 2 - 0.5 * slow * t * t) < 1e-2 * slow * t * t);
+  }
+}
+
+TEST_CASE("a body that is pushed or moved by the program wakes its island alone") {
+  long calls = 0;
+  compare(2, Push{&calls}, 1e-8, [](double t, SystemState<double, 4>& y) {
+    if (std::abs(t - 1) < 0.5 * step) y[0].velocity.x = 0.3;
+  });
+  compare(2, Push{&calls}, 1e-8, [](double t, SystemState<double, 4>& y) {
+    if (std::abs(t - 1) < 0.5 * step) y[1].position.x += 5;  // what lay on it falls
+  });
+
+  const Boxes system = boxes();
+  Stepper<Boxes, Push, Rk4> stepper(system, Push{&calls}, Rk4{}, {.step = step});
+  SystemState<double, 4> y = at_rest();
+  for (int k = 0; k < 500; ++k) stepper.step(y, k * step, step);
+  y[3].velocity.x = 1;
+  const SystemState<double, 4> before = y;
+  for (int k = 500; k < 600; ++k) stepper.step(y, k * step, step);
+  CHECK(y[3].position.x > 2.01);
+  for (int i = 0; i < 3; ++i) CHECK(y[i] == before[i]);
+}
+
+TEST_CASE("a body that comes near wakes an island before it hits") {
+  long calls = 0;
+  compare(2, Push{&calls}, 1e-8, [](double t, SystemState<double, 4>& y) {
+    if (std::abs(t - 1) < 0.5 * step) y[3].velocity = {-6, 0, 1.5};
+  });
+}
+
+TEST_CASE("what they rest on may go away, and move") {
+  using World = System<double, 2, Box<double>>;
+  const World system{{Body<double, Box<double>>::kinematic(Box{1.0, 1.0, 0.1}, rough),
+                      Body(Box{0.2, 0.2, 0.1}, 1.0, rough)}};
+  for (const bool moves : {false, true}) {
+    SystemState<double, 2> y;
+    y[1].position.z = 0.2;
+    Stepper<World, Gravity<double>, Rk4> stepper(system, Gravity{}, Rk4{}, {.step = step});
+    for (int k = 0; k < 500; ++k) stepper.step(y, k * step, step);
+    CHECK(y[1].velocity == Vec3<double>{});
+    if (moves) {
+      y[0].velocity.x = 0.1;
+    } else {
+      y[0].position.x = 10;
+    }
+    for (int k = 500; k < 700; ++k) stepper.step(y, k * step, step);
+    if (moves) {
+      CHECK(std::abs(y[1].velocity.x - 0.1) < 1e-9);  // friction takes it along
+    } else {
+      CHECK(std::abs(y[1].position.z - 0.2 + 0.5 * 9.81 * 0.4 * 0.4) < 1e-9);
+    }
+  }
+}
+
+TEST_CASE("a copy of a stepper whose bodies sleep goes on to the same bits") {
+  long calls = 0;
+  const Boxes system = boxes();
+  Stepper<Boxes, Push, Rk4> stepper(system, Push{&calls, 1.2, 8}, Rk4{}, {.step = step});
+  SystemState<double, 4> y = at_rest();
+  for (int k = 0; k < 500; ++k) stepper.step(y, k * step, step);
+  auto copy = stepper;
+  SystemState<double, 4> other = y;
+  for (int k = 500; k < 800; ++k) {
+    stepper.step(y, k * step, step);
+    copy.step(other, k * step, step);
+  }
+  CHECK(y == other);
+  CHECK(y[3].position.x > 2.01);
+}
+
+TEST_CASE("in a crowd one island wakes, and the others sleep on") {
+  using Crowd = System<double, dynamic, Box<double>>;
+  const Crowd system{std::vector(40, Body(Box{0.2, 0.2, 0.1}, 1.0, rough)), {floor_plane(rough)}};
+  long calls = 0;
+  const auto gravity = [&calls](const Body<double, Box<double>>& body, const RigidState<double>&, int,
+                                double) {
+    ++calls;
+    return Wrench<double>{{0, 0, -9.81 * body.mass()}, {}};
+  };
+  Stepper<Crowd, decltype(gravity), Rk4> stepper(system, gravity, Rk4{}, {.step = step});
+  Crowd::State y;
+  y.body.resize(40);
+  for (int i = 0; i < 40; ++i) y[i].position = {1.0 * (i % 8), 1.0 * (i / 8), 0.1};
+  y[1].position = {0.02, 0, 0.3};  // on the first
+  for (int k = 0; k < 500; ++k) stepper.step(y, k * step, step);
+  calls = 0;
+  for (int k = 500; k < 600; ++k) stepper.step(y, k * step, step);
+  CHECK(calls == 100 * 40 * 4);
+  y[1].velocity.x = 0.5;
+  const Crowd::State before = y;
+  for (int k = 600; k < 900; ++k) stepper.step(y, k * step, step);
+  CHECK(y[1].position.x > 0.03);
+  for (int i = 2; i < 40; ++i) CHECK(y[i] == before[i]);
+}
