@@ -17,6 +17,10 @@ Shape thin_shape(Random& r, double size) {
   } else if constexpr (std::is_same_v<Shape, ConvexHull<double>>) {
     const int sides = 3 + static_cast<int>(r.below(14));
     return r.below(2) == 0 ? Shape::cylinder(size, thin, sides) : Shape::cylinder(thin, size, sides);
+  } else if constexpr (rbres::detail::PartsOf<Shape>::compound) {  // a cross, met at its middle
+    const auto part = [&] { return thin_shape<typename Shape::PartShape>(r, size); };
+    const auto first = part(), second = part();
+    return {{first}, {second, {}, any_orientation(r)}};
   } else {
     return r.below(2) == 0 ? Shape(thin_shape<Box<double>>(r, size))
                            : Shape(thin_shape<Capsule<double>>(r, size));
