@@ -1,10 +1,10 @@
 #pragma once
 
 #include <algorithm>
+#include <rbres/contact/covered.hpp>
 #include <rbres/contact/detect.hpp>
 #include <rbres/contact/impact.hpp>
 #include <rbres/contact/near_pairs.hpp>
-#include <rbres/contact/part_pair.hpp>
 #include <rbres/core/reserved.hpp>
 
 namespace rbres::RBRES_ABI {
@@ -88,7 +88,7 @@ struct ContactPair {
   Motion<S>& first(Motions& m) const { return m[static_cast<std::size_t>(plane() ? who.second : who.first)]; }
   Motion<S>& second(Motions& m) const { return m[static_cast<std::size_t>(who.second)]; }
 
-  /// How the two meet in this state.
+  /// How the two meet in this state. Where parts cover one another they do not.
   void find(const System& system, const typename System::State& y, Contact& contact) const {
     with_part_manifold(system, y, who.first, who.second, parts, [&](const auto& m, auto) {
       contact.normal = m.normal;
@@ -98,6 +98,12 @@ struct ContactPair {
         if (i < m.points) contact.point[i] = m.point[i];
       }
     });
+    if constexpr (Parts::compound) {
+      const S apart = as<S>(2) * near;
+      if (!(contact.separation < apart) || !meets_covered(system, y, who, parts, contact, apart)) return;
+      contact.separation = apart;
+      for (S& gap : contact.gap) gap = maximum(gap, apart);
+    }
   }
   /// Where the points of a body on a plane are when it has turned by `turn` (rad, world frame) about its
   /// centre of mass.

@@ -1,9 +1,9 @@
 #pragma once
 
 #include <algorithm>
+#include <rbres/contact/covered.hpp>
 #include <rbres/contact/detect.hpp>
 #include <rbres/contact/near_pairs.hpp>
-#include <rbres/contact/part_pair.hpp>
 
 namespace rbres::RBRES_ABI {
 
@@ -134,6 +134,7 @@ class Contacts {
     contact.count_ = 0;
     detail::with_part_manifold(
         *system_, *state_, who.first, who.second, parts, [&](const auto& manifold, auto) {
+          if (detail::meets_covered(*system_, *state_, who, parts, manifold, margin_)) return;
           contact.normal = manifold.normal;
           contact.gap = S(manifold.none);
           detail::each_point(manifold, [&](int, const Vec3<S>& position, const S& gap) {

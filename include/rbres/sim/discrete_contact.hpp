@@ -134,6 +134,7 @@ void meet(const System& system, std::span<const Gain<typename System::Scalar>> g
       depth = maximum(depth, S(-manifold.gap[i]));
     }
     if (!any(overlaps)) return;
+    if (meets_covered(system, y, {first, second}, parts, manifold, S(0))) return;
     if constexpr (Packed<S>) gather(manifold, touching);
     tally.touching += overlaps;
 
