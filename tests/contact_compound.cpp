@@ -24,7 +24,7 @@ const Parts table{{Box{0.5, 0.5, 0.02}, {0, 0, 0.4}},
 /// A square frame around a hole of 0.2 m.
 const Parts ring{{Box{0.15, 0.025, 0.02}, {0, 0.125, 0}},
                  {Box{0.15, 0.025, 0.02}, {0, -0.125, 0}},
-                 {Box{0.025, 0.1, 0.02}, {0.125, 0, 0}},
+                 {Box{0.1, 0.025, 0.02}, {0.125, 0, 0}, {0, 0, std::sqrt(0.5), std::sqrt(0.5)}},
                  {Box{0.025, 0.1, 0.02}, {-0.125, 0, 0}}};
 
 /// The state of a body whose parts' frame stands there.
@@ -199,23 +199,38 @@ TEST_CASE("a ball stays between the legs of a table") {
 
 TEST_CASE("what comes to an inner corner stays out of it") {
   const Material<double> material{0.0, 0.0};
-  const Parts corner{{Box{0.5, 0.5, 0.1}, {0, 0, -0.1}}, {Box{0.1, 0.5, 0.5}, {-0.4, 0, 0.3}}};
+  // A floor z = 0 and a wall x = 0.
+  const Parts corner{{Box{0.5, 2.0, 0.1}, {0.4, 0, -0.1}}, {Box{0.1, 2.0, 0.5}, {-0.1, 0, 0.3}}};
   for (const ContactMode mode : modes) {
-    for (int trial = 0; trial < 40; ++trial) {
+    for (int trial = 0; trial < 60; ++trial) {
       CAPTURE(trial);
       Random r(7, std::uint64_t(trial));
-      const Parts falls = trial % 2 == 0 ? Parts(Box{0.1, 0.05, 0.07}) : ell;
+      const bool on_edge =
+          trial == 0;  // an edge falls exactly into the corner, where it is in floor and wall
+      const Parts falls = trial % 2 == 0 ? Parts(Box{0.1, 0.05, on_edge ? 0.1 : 0.07}) : ell;
       const System<double, 2, Parts> system{
           {PartsBody::kinematic(corner, material), PartsBody(falls, 1.0, material)}};
       SystemState<double, 2> y;
       y[0] = placed(system[0], {});
-      y[1].position = {0.05, 0.02 * r.normal(), 0.4};
-      y[1].orientation = random_turn(r);
-      const double deep =
-          deepest_in_run(system, y, Vector{-5, 0, -8}, {.step = 1e-3, .duration = 1, .contacts = mode});
-      CHECK(deep < (mode == ContactMode::continuous ? 1e-4 : 1e-2));
-      CHECK(y[1].position.z > 0);
-      CHECK(y[1].position.x > -0.3);
+      y[1].position = {0.35, 0.02 * r.normal(), on_edge ? 0.35 : 0.4};
+      y[1].orientation = on_edge ? quaternion_exp(Vector{0, std::numbers::pi / 4, 0}) : random_turn(r);
+      double deep = 0;  // of the corners of its boxes, below the floor or behind the wall, m
+      simulate(system, y, Gravity{Vector{-5, 0, on_edge ? -5.0 : -8.0}}, Rk4{},
+               {.step = 1e-3, .duration = 1, .contacts = mode}, [&](double, const auto& now) {
+                 const auto pose = shape_pose(system[1], now[1]);
+                 for (std::size_t k = 0; k < falls.parts().size(); ++k) {
+                   const auto at = part_pose(pose, falls.placed()[k]);
+                   const auto& half = std::get<Box<double>>(falls.parts()[k].shape).half;
+                   for (int i = 0; i < 8; ++i) {
+                     const Vector p =
+                         at.position + at.axes * Vector{i & 1 ? half.x : -half.x, i & 2 ? half.y : -half.y,
+                                                        i & 4 ? half.z : -half.z};
+                     deep = std::max({deep, -p.z, -p.x});
+                   }
+                 }
+               });
+      CHECK(deep < (mode == ContactMode::continuous ? 1e-5 : 1e-2));
+      CHECK(y[1].position.z < 0.3);
     }
   }
 }
@@ -268,7 +283,7 @@ TEST_CASE("contacts say which parts touch") {
                                         {floor_plane<double>()}};
   SystemState<double, 2> y;
   y[0] = placed(system[0], {});
-  y[1].position = {0.49, 0.4, 0.0999};  // in the third leg's side... and in the floor
+  y[1].position = {0.49, 0.4, 0.0999};  // in a leg's side, and in the floor
   int with_leg = 0, with_floor = 0;
   for (const auto& contact : contacts(system, y)) {
     if (contact.with_plane()) {
@@ -366,6 +381,6 @@ TEST_CASE("a crowd of compounds keeps its energy and falls into no body") {
       });
   CHECK(report.status == SimulationStatus::finished);
   CHECK(report.impacts > 100);
-  CHECK(rise < 1e-6);
+  CHECK(rise < 1e-9);
   CHECK(deep < 1e-4);
 }

@@ -135,9 +135,8 @@ GltfMesh mesh_of(const Compound<S, M, Shape>& compound, const Quat<double>& rota
   };
   for (std::size_t k = 0; k < compound.parts().size(); ++k) {
     const Quat<S>& q = compound.parts()[k].orientation;
-    const Quat<double> turn =
-        rotation * Quat<double>{static_cast<double>(q.x), static_cast<double>(q.y), static_cast<double>(q.z),
-                                static_cast<double>(q.w)};
+    const Quat<double> turn = rotation * Quat<double>{static_cast<double>(q.x), static_cast<double>(q.y),
+                                                      static_cast<double>(q.z), static_cast<double>(q.w)};
     const GltfMesh part =
         with_shape(compound.parts()[k].shape, [&](const auto& shape) { return mesh_of(shape, turn); });
     mesh.append(part, rotate(rotation, plain(compound.placed()[k].centre)));

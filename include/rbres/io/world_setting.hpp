@@ -42,11 +42,11 @@ Json shape_setting(const Compound<S, M, Shape>& shape) {
   Json parts = Json::array();
   for (const auto& part : shape.parts()) {
     const Quat<S>& turn = part.orientation;
-    parts.push_back(Json::object(
-        {{"shape", with_shape(part.shape, [](const auto& own) { return shape_setting(own); })},
-         {"position", vector_setting(part.position)},
-         {"orientation", Json::array({turn.x, turn.y, turn.z, turn.w})},
-         {"density", part.density}}));
+    parts.push_back(
+        Json::object({{"shape", with_shape(part.shape, [](const auto& own) { return shape_setting(own); })},
+                      {"position", vector_setting(part.position)},
+                      {"orientation", Json::array({turn.x, turn.y, turn.z, turn.w})},
+                      {"density", part.density}}));
   }
   return Json::object({{"compound", parts}});
 }
