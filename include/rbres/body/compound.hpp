@@ -103,7 +103,6 @@ struct CompoundData {
 template <class S, class Shape>
 CompoundData<S, Shape> compound_data(std::vector<CompoundPart<S, Shape>> parts) {
   CompoundData<double, typename CastShape<Shape, double>::type> exact;
-  Vec3<double> sum;
   exact.volume = exact.mass = 0;
   const auto plain = [](const auto& v) {
     return Vec3<double>{static_cast<double>(v.x), static_cast<double>(v.y), static_cast<double>(v.z)};
