@@ -257,6 +257,20 @@ TEST_CASE("what slides and rolls over the seams of a floor does not feel them") 
   }
 }
 
+TEST_CASE("a part that turns far in a step misses nothing in its way") {
+  const Material<double> material{1.0, 0.0};
+  const Parts dumbbell{{Sphere{0.02}, {0.5, 0, 0}}, {Sphere{0.02}, {-0.5, 0, 0}}};
+  const System<double, 2, Parts> system{
+      {PartsBody(dumbbell, 1.0, material), PartsBody(Parts(Sphere{0.02}), 1.0, material)}};
+  SystemState<double, 2> y;
+  y[0] = placed(system[0], {});
+  y[0].angular_velocity = rotate(system[0].shape_rotation(), Vector{0, 0, 80});  // 0.8 rad in a step
+  y[1].position = {0.5 * std::cos(0.4), 0.5 * std::sin(0.4), 0};
+  const auto report = simulate(system, y, Forces{}, Rk4{}, {.step = 0.01, .duration = 0.01});
+  CHECK(report.impacts == 1);
+  CHECK(norm(y[1].velocity) > 1);
+}
+
 TEST_CASE("compounds at rest stay") {
   const Material<double> material{0.3, 0.5};
   const System<double, 3, Parts> system{
