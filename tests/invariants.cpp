@@ -49,3 +49,4 @@ TEST_CASE("worlds of boxes keep what nature keeps") { check(box_groups()); }
 TEST_CASE("worlds of capsules keep what nature keeps") { check(capsule_groups()); }
 TEST_CASE("worlds of any shapes keep what nature keeps") { check(any_shape_groups()); }
 TEST_CASE("worlds of convex hulls keep what nature keeps") { check(hull_groups()); }
+TEST_CASE("worlds of compounds keep what nature keeps") { check(compound_groups()); }

@@ -260,6 +260,34 @@ TEST_CASE("a motion reads back") {
   }
 }
 
+TEST_CASE("a compound is drawn by its parts, where they stand in the body") {
+  const TemporaryFolder folder;
+  // Two cubes of a metre, whose centres are at y = 1 and -1 in the body's frame.
+  using Cubes = Compound<double, 2>;
+  const double quarter = std::sqrt(0.5);
+  const Cubes cubes{{Box{0.5, 0.5, 0.5}, {3, 1, 0}},
+                    {Box{0.5, 0.5, 0.5}, {3, -1, 0}, {0, 0, quarter, quarter}}};
+  const System<double, 1, Cubes> system{{Body(cubes, 1.0)}};
+  GltfScene scene;
+  scene.add_motion("cubes", system, std::vector<double>{0.0}, std::vector<SystemState<double, 1>>(1));
+  scene.write(folder / "a.glb");
+  const GlbFile file(folder / "a.glb");
+  std::size_t triangles = 0, far = 0;
+  for (const json& primitive : file.document["meshes"][0]["primitives"]) {
+    triangles += file.numbers(primitive["indices"]).size() / 3;
+    const auto numbers = file.numbers(primitive["attributes"]["POSITION"]);
+    for (std::size_t i = 0; i < numbers.size(); i += 3) {
+      const double along = std::abs(numbers[i + 1]);
+      CHECK(std::abs(numbers[i]) == doctest::Approx(0.5));
+      CHECK(std::abs(numbers[i + 2]) == doctest::Approx(0.5));
+      CHECK(std::min(std::abs(along - 0.5), std::abs(along - 1.5)) < 1e-6);
+      far += along > 1;
+    }
+  }
+  CHECK(triangles == 24);
+  CHECK(far > 0);
+}
+
 TEST_CASE("a convex hull is drawn by its faces, where they stand in the body") {
   const TemporaryFolder folder;
   // A prism whose own axes are turned, and away from where its points were given.

@@ -3,6 +3,7 @@
 /// @file
 /// Everything but files (those are in <rbres/io.hpp>) and the paper's experiment (<rbres/paper/paper.hpp>);
 /// needs Eigen alone.
+#include <rbres/body/compound.hpp>
 #include <rbres/body/mechanics.hpp>
 #include <rbres/body/system.hpp>
 #include <rbres/contact/contact_query.hpp>

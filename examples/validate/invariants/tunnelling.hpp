@@ -4,6 +4,23 @@
 
 namespace validate {
 
+/// A compound of two parts that share their middle.
+template <class Shape, class Part>
+Shape crossed(Random& r, const Part& part) {
+  const auto first = part(), second = part();
+  return {{first}, {second, {}, any_orientation(r)}};
+}
+
+/// A shape that is solid in its middle.
+template <class Shape>
+Shape solid_shape(Random& r, double size) {
+  if constexpr (rbres::detail::PartsOf<Shape>::compound) {
+    return crossed<Shape>(r, [&] { return any_shape<typename Shape::PartShape>(r, size); });
+  } else {
+    return any_shape<Shape>(r, size);
+  }
+}
+
 /// A plate, a needle or a ball: as thin as the shape can be.
 template <class Shape>
 Shape thin_shape(Random& r, double size) {
@@ -17,6 +34,8 @@ Shape thin_shape(Random& r, double size) {
   } else if constexpr (std::is_same_v<Shape, ConvexHull<double>>) {
     const int sides = 3 + static_cast<int>(r.below(14));
     return r.below(2) == 0 ? Shape::cylinder(size, thin, sides) : Shape::cylinder(thin, size, sides);
+  } else if constexpr (rbres::detail::PartsOf<Shape>::compound) {
+    return crossed<Shape>(r, [&] { return thin_shape<typename Shape::PartShape>(r, size); });
   } else {
     return r.below(2) == 0 ? Shape(thin_shape<Box<double>>(r, size))
                            : Shape(thin_shape<Capsule<double>>(r, size));
@@ -43,7 +62,7 @@ TunnellingFigures tunnelling(const Cases& cases) {
     // Free flight keeps the spin of bodies with equal moments, however fast it is.
     const auto body = [&](int k) {
       const Shape shape =
-          k == target ? thin_shape<Shape>(r, size) : any_shape<Shape>(r, size * log_uniform(r, 0.01, 0.3));
+          k == target ? thin_shape<Shape>(r, size) : solid_shape<Shape>(r, size * log_uniform(r, 0.01, 0.3));
       const double mass = log_uniform(r, 0.01, 1), moment = Body<double, Shape>(shape, mass).inertia().x;
       return Body<double, Shape>(shape, mass, Vector{moment, moment, moment}, cell.material());
     };

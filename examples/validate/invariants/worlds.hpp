@@ -59,6 +59,15 @@ Shape any_shape(Random& r, double size) {
     std::vector<Vector> points(4 + r.below(12));
     for (Vector& p : points) p = normal_vector(r, radius / 1.5);
     return Shape(points);
+  } else if constexpr (rbres::detail::PartsOf<Shape>::compound) {
+    std::vector<typename Shape::Part> parts;
+    const auto count = 1 + static_cast<std::size_t>(r.below(Shape::most_parts));
+    while (parts.size() < count) {
+      const Vector at = normal_vector(r, 0.6 * size);
+      parts.push_back(
+          {any_shape<typename Shape::PartShape>(r, 0.6 * size), at, any_orientation(r), r.uniform(0.2, 2)});
+    }
+    return Shape(parts);
   } else {
     switch (r.below(3)) {
       case 0:
@@ -132,13 +141,14 @@ World<Shape> any_system(Random& r, const Material<double>& material, std::vector
 /// The signed distance (m) of two surfaces; `first` is a body, or -1 - p for plane p.
 template <class System>
 double separation(const System& system, const typename System::State& y, int first, int second) {
-  const auto pose = shape_pose(system[second], y[second]);
-  if (first < 0) {
-    const auto& plane = system.planes()[static_cast<std::size_t>(-1 - first)];
-    return static_cast<double>(detect(plane, system[second].shape(), pose).separation);
+  const Candidate who{first, second};
+  double least = INFINITY;
+  for (std::size_t k = 0; k < rbres::detail::part_pairs(system, who); ++k) {
+    rbres::detail::with_part_manifold(
+        system, y, first, second, rbres::detail::part_pair(system, who, k),
+        [&](const auto& m, auto) { least = std::min(least, static_cast<double>(m.separation)); });
   }
-  const auto other = shape_pose(system[first], y[first]);
-  return static_cast<double>(detect(system[first].shape(), other, system[second].shape(), pose).separation);
+  return least;
 }
 
 /// The deepest overlap, as a share of the smaller body's bounding radius; minus infinity: none.

@@ -100,15 +100,9 @@ inline HullData<double> hull_data(const HullMesh& mesh, double precision) {
   hull.centre_of_mass = inside + (1 / about_inside.volume) * about_inside.first;
   const SolidMoments moments(mesh, hull.centre_of_mass);
   hull.volume = moments.volume;
-  Eigen::Matrix3d tensor =
+  const Eigen::Matrix3d tensor =
       (1 / moments.volume) * (moments.second.trace() * Eigen::Matrix3d::Identity() - moments.second);
-  // The axes of a solid that is symmetric about them stay its axes, whatever the rounding.
-  const Eigen::Matrix3d off = tensor - Eigen::Matrix3d(tensor.diagonal().asDiagonal());
-  if (off.cwiseAbs().maxCoeff() <= 8 * precision * tensor.trace()) {
-    hull.unit_inertia = {Vec3<double>(tensor.diagonal()), {}};
-  } else {
-    hull.unit_inertia = principal_inertia<double>(tensor);
-  }
+  hull.unit_inertia = principal_inertia_to(tensor, precision);
 
   hull.bounding_radius = 0;
   for (const auto& v : mesh.vertices()) {

@@ -48,4 +48,16 @@ PrincipalInertia<S> principal_inertia(const Eigen::Matrix<S, 3, 3>& tensor) {
   return principal;
 }
 
+namespace detail {
+
+/// The same of a solid, exact to the relative `precision`: the axes of one that is symmetric about them stay
+/// its axes, whatever the rounding.
+inline PrincipalInertia<double> principal_inertia_to(const Eigen::Matrix3d& tensor, double precision) {
+  const Eigen::Matrix3d off = tensor - Eigen::Matrix3d(tensor.diagonal().asDiagonal());
+  if (off.cwiseAbs().maxCoeff() <= 8 * precision * tensor.trace())
+    return {Vec3<double>(tensor.diagonal()), {}};
+  return principal_inertia<double>(tensor);
+}
+
+}  // namespace detail
 }  // namespace rbres::RBRES_ABI

@@ -180,6 +180,21 @@ void set_shape_lane(std::variant<Packed...>& to, int l, const std::variant<Shape
    ...);
 }
 
+/// What contacts meet: the parts of a shape that has some, as a Compound has, or else the shape itself.
+template <class Shape_>
+struct PartsOf {
+  using Shape = Shape_;  ///< of a part
+  static constexpr bool compound = false;
+  static constexpr int most = 1;  ///< how many there may be
+};
+template <class Shape_>
+requires requires { typename Shape_::PartShape; }
+struct PartsOf<Shape_> {
+  using Shape = typename Shape_::PartShape;
+  static constexpr bool compound = true;
+  static constexpr int most = Shape_::most_parts;
+};
+
 template <class Shape, class T>
 struct CastShape;
 template <template <class> class Shape, class S, class T>

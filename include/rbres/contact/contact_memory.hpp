@@ -13,7 +13,7 @@ template <class System>
 class ContactMemory {
   using S = typename System::Scalar;
   using Row = typename ContactRows<System>::Row;
-  static constexpr long points = static_cast<long>(ContactPair<System>::points);
+  using Pair = ContactPair<System>;
 
  public:
   ContactMemory(const System& system, std::size_t most_rows) : bodies_(system.size()) {
@@ -89,10 +89,10 @@ class ContactMemory {
     next_.push_back(entry);
   }
   /// Keeps what is known of a pair's forces.
-  void keep(const Candidate& who) {
+  void keep(const Pair& pair) {
     const auto all = known();
-    const long first = key(who);
-    for (auto at = at_or_after(all, first); at != all.end() && at->key < first + points; ++at) {
+    const long first = key(pair.who, pair.place(0)), last = key(pair.who, pair.place(Pair::points));
+    for (auto at = at_or_after(all, first); at != all.end() && at->key < last; ++at) {
       if (next_.size() < next_.capacity()) next_.push_back(*at);
     }
   }
@@ -119,16 +119,17 @@ class ContactMemory {
     std::array<S, 3> force;
   };
   static bool by_key(const Entry& a, const Entry& b) { return a.key < b.key; }
-  long key(const Candidate& who) const {
-    return (static_cast<long>(who.first) * bodies_ + who.second) * points;
+  long key(const Candidate& who, std::size_t place) const {
+    return (static_cast<long>(who.first) * bodies_ + who.second) * static_cast<long>(Pair::places) +
+           static_cast<long>(place);
   }
   /// The pair of a key; those of planes are negative.
   Candidate pair_of(long key) const {
     const auto floor = [](long a, long b) { return a >= 0 ? a / b : -((b - 1 - a) / b); };
-    const long pair = floor(key, points), first = floor(pair, bodies_);
+    const long pair = floor(key, static_cast<long>(Pair::places)), first = floor(pair, bodies_);
     return {static_cast<int>(first), static_cast<int>(pair - first * bodies_)};
   }
-  long key(const Row& row) const { return key(row.who) + static_cast<long>(row.point); }
+  long key(const Row& row) const { return key(row.who, row.point); }
   static auto at_or_after(std::span<const Entry> entries, long key) {
     return std::lower_bound(entries.begin(), entries.end(), key,
                             [](const Entry& entry, long k) { return entry.key < k; });

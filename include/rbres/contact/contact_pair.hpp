@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <rbres/contact/covered.hpp>
 #include <rbres/contact/detect.hpp>
 #include <rbres/contact/impact.hpp>
 #include <rbres/contact/near_pairs.hpp>
@@ -32,20 +33,22 @@ struct ContactPair {
   using BodyPair = PairManifold<S, typename System::Shape>;
   using PlanePair = PlaneManifold<S, typename System::Shape>;
   static constexpr std::size_t points = std::max(BodyPair::points, PlanePair::points);
-  static constexpr bool central = BodyPair::central && PlanePair::central;
+  using Parts = PartPairOf<System>;
+  static constexpr bool central = !Parts::compound && BodyPair::central && PlanePair::central;
   using Motions = MotionsOf<System>;
 
   using Contact = Manifold<S, int(points), central>;
 
   Candidate who;
   Candidate moved;  ///< see moved_of()
+  [[no_unique_address]] Parts parts;
   Contact manifold;
   std::array<S, points> speed;  ///< at which each point's gap opens, m/s
   std::array<MaskOf<S>, points> touching, resting;
   MaskOf<S> any_resting;
   S impact;  ///< when it has one, s after the part begins, if that is before its end
   Surface<S> surface;
-  S size;         ///< the smaller bounding radius, m
+  S size;         ///< the smaller bounding radius, of the whole bodies, m
   S touch;        ///< points closer than this touch, m
   S near;         ///< slow points closer than this rest, m
   S speed_scale;  ///< see detail::speed_scale
@@ -53,9 +56,10 @@ struct ContactPair {
   S still;        ///< points that open slower than this do not part, m/s
 
   ContactPair() = default;
-  ContactPair(const System& system, const Candidate& candidate, const S& rest)
+  ContactPair(const System& system, const Candidate& candidate, const S& rest, const Parts& of = {})
       : who(candidate),
         moved(moved_of(system, candidate)),
+        parts(of),
         surface(surface_of(system, who.first, who.second)) {
     size = system[who.second].bounding_radius();
     if (!plane()) size = minimum(size, system[who.first].bounding_radius());
@@ -68,6 +72,10 @@ struct ContactPair {
   }
 
   bool plane() const { return who.first < 0; }
+  /// The number of point i among those of all parts of the two bodies.
+  std::size_t place(std::size_t i) const { return parts.number() * points + i; }
+  /// How many such numbers there are.
+  static constexpr std::size_t places = Parts::count * points;
   /// A plane's points are corners, always the same; where two bodies touch moves with their manifold.
   bool fixed_points() const { return plane() || points == 1; }
   /// How much deeper the pair may get in one part of a step, m. Bodies that rest on one another show a new
@@ -80,9 +88,9 @@ struct ContactPair {
   Motion<S>& first(Motions& m) const { return m[static_cast<std::size_t>(plane() ? who.second : who.first)]; }
   Motion<S>& second(Motions& m) const { return m[static_cast<std::size_t>(who.second)]; }
 
-  /// How the two meet in this state.
+  /// How the two meet in this state. Where parts cover one another they do not.
   void find(const System& system, const typename System::State& y, Contact& contact) const {
-    with_manifold(system, y, who.first, who.second, [&](const auto& m, auto) {
+    with_part_manifold(system, y, who.first, who.second, parts, [&](const auto& m, auto) {
       contact.normal = m.normal;
       contact.separation = m.separation;
       for (std::size_t i = 0; i < points; ++i) {
@@ -90,15 +98,23 @@ struct ContactPair {
         if (i < m.points) contact.point[i] = m.point[i];
       }
     });
+    if constexpr (Parts::compound) {
+      const S apart = as<S>(2) * near;
+      if (!(contact.separation < apart) || !meets_covered(system, y, who, parts, contact, apart)) return;
+      contact.separation = apart;
+      for (S& gap : contact.gap) gap = maximum(gap, apart);
+    }
   }
   /// Where the points of a body on a plane are when it has turned by `turn` (rad, world frame) about its
   /// centre of mass.
   void find_turned(const System& system, RigidState<S> body, const Vec3<S>& turn, Contact& contact) const {
     body.orientation = quaternion_exp(turn) * body.orientation;
     const auto& plane = system.planes()[static_cast<std::size_t>(-1 - who.first)];
-    const auto m = detect(plane, system[who.second].shape(), shape_pose(system[who.second], body));
-    contact.normal = m.normal;
-    for (std::size_t i = 0; i < std::size_t(m.points); ++i) contact.point[i] = m.point[i];
+    with_part(system[who.second], body, parts.second, [&](const auto& shape, const Pose<S>& pose) {
+      const auto m = detect(plane, shape, pose);
+      contact.normal = m.normal;
+      for (std::size_t i = 0; i < std::size_t(m.points); ++i) contact.point[i] = m.point[i];
+    });
   }
   /// Speed at which the gap at one point of `contact` opens, m/s.
   S opening(const Contact& contact, std::size_t i, const Motions& motion) const {
@@ -119,13 +135,13 @@ using ContactPairs = Reserved<ContactPair<System>, pair_room<System>>;
 /// For how many contact points there is room: twice what equal balls can reach, none of which has more than
 /// twelve neighbours.
 template <class System>
-constexpr std::size_t most_rows(std::size_t bodies, std::size_t planes) {
-  return ContactPair<System>::points * (std::min(bodies * (bodies - 1) / 2, 12 * bodies) + bodies * planes);
+constexpr std::size_t most_rows(std::size_t parts, std::size_t planes) {
+  return ContactPair<System>::points * (std::min(parts * (parts - 1) / 2, 12 * parts) + parts * planes);
 }
 /// Of a system's type.
 template <class System>
-constexpr std::size_t row_room = room_for<System>(most_rows<System>(
-    static_cast<std::size_t>(System::bodies), static_cast<std::size_t>(System::most_planes)));
+constexpr std::size_t row_room =
+    room_for<System>(most_rows<System>(part_room<System>, static_cast<std::size_t>(System::most_planes)));
 
 }  // namespace detail
 }  // namespace rbres::RBRES_ABI

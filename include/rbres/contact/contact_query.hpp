@@ -1,12 +1,14 @@
 #pragma once
 
 #include <algorithm>
+#include <rbres/contact/covered.hpp>
 #include <rbres/contact/detect.hpp>
 #include <rbres/contact/near_pairs.hpp>
 
 namespace rbres::RBRES_ABI {
 
-/// Where two bodies, or a plane and a body, touch: up to P points under one normal. In lanes it is there
+/// Where two bodies, or a plane and a body, touch: up to P points under one normal; of compounds, where two
+/// of their parts do. In lanes it is there
 /// where it touches in at least one of them; the points' gaps say in which.
 template <class S, int P>
 class Contact {
@@ -17,10 +19,12 @@ class Contact {
     S gap;             ///< signed distance of the surfaces along the normal, m; negative: they overlap
   };
 
-  int first = 0;   ///< index of a body; -1 - p for plane p of System::planes()
-  int second = 0;  ///< index of a body, larger than first
-  Vec3<S> normal;  ///< unit, from the first surface to the second, world frame
-  S gap;           ///< the least of the points', m
+  int first = 0;        ///< index of a body; -1 - p for plane p of System::planes()
+  int second = 0;       ///< index of a body, larger than first
+  int first_part = 0;   ///< which part of the first body it is that touches, where that is a Compound; else 0
+  int second_part = 0;  ///< the same of the second body
+  Vec3<S> normal;       ///< unit, from the first surface to the second, world frame
+  S gap;                ///< the least of the points', m
 
   /// Whether a body touches a plane, and which one.
   bool with_plane() const noexcept { return first < 0; }
@@ -86,7 +90,7 @@ class Contacts {
     /// On to the next contact.
     /// @{
     Iterator& operator++() noexcept {
-      ++pair_;
+      ++parts_;
       skip_apart();
       return *this;
     }
@@ -98,11 +102,18 @@ class Contacts {
    private:
     /// On to the first pair, from this one on, that has a point.
     void skip_apart() noexcept {
-      while (!(pair_ == std::default_sentinel) && !contacts_->find((*pair_).who, contact_)) ++pair_;
+      for (; !(pair_ == std::default_sentinel); ++pair_, parts_ = 0) {
+        const Candidate who = (*pair_).who;
+        const std::size_t count = detail::part_pairs(*contacts_->system_, who);
+        for (; parts_ < count; ++parts_) {
+          if (contacts_->find(who, parts_, contact_)) return;
+        }
+      }
     }
 
     const Contacts* contacts_;
     typename NearPairs::Iterator pair_;
+    std::size_t parts_ = 0;  ///< of the pair, see detail::part_pair()
     value_type contact_;
   };
 
@@ -112,20 +123,26 @@ class Contacts {
   std::default_sentinel_t end() const noexcept { return {}; }
 
  private:
-  /// The pair's points within the margin. False where there are none.
-  bool find(const Candidate& who, value_type& contact) const noexcept {
+  /// The points of a pair's parts within the margin. False where there are none.
+  bool find(const Candidate& who, std::size_t number, value_type& contact) const noexcept {
+    const auto parts = detail::part_pair(*system_, who, number);
+    if (!detail::parts_near(*system_, *state_, who, parts, maximum(margin_, S(0)))) return false;
     contact.first = who.first;
     contact.second = who.second;
+    contact.first_part = parts.first;
+    contact.second_part = parts.second;
     contact.count_ = 0;
-    detail::with_manifold(*system_, *state_, who.first, who.second, [&](const auto& manifold, auto) {
-      contact.normal = manifold.normal;
-      contact.gap = S(manifold.none);
-      detail::each_point(manifold, [&](int, const Vec3<S>& position, const S& gap) {
-        if (!any(gap <= margin_)) return;
-        contact.points_[contact.count_++] = {position, gap};
-        contact.gap = minimum(contact.gap, gap);
-      });
-    });
+    detail::with_part_manifold(
+        *system_, *state_, who.first, who.second, parts, [&](const auto& manifold, auto) {
+          if (detail::meets_covered(*system_, *state_, who, parts, manifold, margin_)) return;
+          contact.normal = manifold.normal;
+          contact.gap = S(manifold.none);
+          detail::each_point(manifold, [&](int, const Vec3<S>& position, const S& gap) {
+            if (!any(gap <= margin_)) return;
+            contact.points_[contact.count_++] = {position, gap};
+            contact.gap = minimum(contact.gap, gap);
+          });
+        });
     return contact.count_ > 0;
   }
 
@@ -141,10 +158,10 @@ class Contacts {
 ///       for (const auto& point : contact.points()) draw(point.position, contact.normal);
 ///
 /// A pair of bodies, or of a plane and a body, is a Contact where one of its points has a gap of `margin` (m)
-/// at most. Bodies at rest stand a rounding error above or in what they rest on: give them a margin, 1e-6 m,
-/// say. With a margin boxes need not have a point where only their edges or corners are within it; where they
-/// overlap they have. Planes come first, then bodies, in order of (first, second). A body whose position is
-/// not finite touches nothing.
+/// at most; of compounds, each pair of parts. Bodies at rest stand a rounding error above or in what they
+/// rest on: give them a margin, 1e-6 m, say. With a margin boxes need not have a point where only their edges
+/// or corners are within it; where they overlap they have. Planes come first, then bodies, in order of
+/// (first, second). A body whose position is not finite touches nothing.
 ///
 /// Contacts are found while the loop goes; nothing allocates, and nothing throws but an Error where a state
 /// has another number of bodies than a system of dynamic size. All pairs' bounding balls are compared.

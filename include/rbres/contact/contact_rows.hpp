@@ -22,7 +22,7 @@ class ContactRows {
 
  public:
   struct Row : ContactRow<S> {
-    std::size_t point;             ///< its place in the pair's manifold
+    std::size_t point;             ///< see ContactPair::place
     std::array<S, 3> before, way;  ///< impulse before a round, and the way it has gone, N s
 
     /// See ContactPoint; of points with a plane only.
@@ -51,7 +51,7 @@ class ContactRows {
     Row& row = rows_.emplace_back();
     row.who = pair.who;
     row.moved = pair.moved;
-    row.point = i;
+    row.point = pair.place(i);
     row.active = active;
     row.target = target;
     row.friction = friction;
@@ -148,7 +148,8 @@ class ContactRows {
 
  private:
   static bool same_pair(const Row& a, const Row& b) {
-    return a.who.first == b.who.first && a.who.second == b.who.second;
+    return a.who.first == b.who.first && a.who.second == b.who.second &&
+           (Pair::places == Pair::points || a.point / Pair::points == b.point / Pair::points);
   }
   /// The row after those of the pair whose first is this one.
   std::size_t end_of_pair(std::size_t from) const {
@@ -224,7 +225,7 @@ class ContactRows {
   }
 
   static std::size_t rows_of(const System& system) {
-    return most_rows<System>(static_cast<std::size_t>(system.size()), system.planes().size());
+    return most_rows<System>(parts_of(system), system.planes().size());
   }
   IslandCoupling<System> coupled_;
   IslandNewton<System> newton_;

@@ -72,13 +72,15 @@ auto detect(const Plane<S>& plane, const std::variant<Shapes...>& b, const Pose<
   return std::visit([&](const auto& x) { return detail::widened<most>(detect(plane, x, pb)); }, b);
 }
 
-/// What detect gives for two bodies of this shape, and for a body and a plane.
+/// What detect gives for two bodies of this shape, of a compound for two parts.
 template <class S, class Shape>
 using PairManifold =
-    decltype(detect(std::declval<const Shape&>(), Pose<S>{}, std::declval<const Shape&>(), Pose<S>{}));
-/// What detect gives for a plane and a body of this shape.
+    decltype(detect(std::declval<const typename detail::PartsOf<Shape>::Shape&>(), Pose<S>{},
+                    std::declval<const typename detail::PartsOf<Shape>::Shape&>(), Pose<S>{}));
+/// What detect gives for a plane and a body of this shape, of a compound for a part.
 template <class S, class Shape>
-using PlaneManifold = decltype(detect(Plane<S>{}, std::declval<const Shape&>(), Pose<S>{}));
+using PlaneManifold =
+    decltype(detect(Plane<S>{}, std::declval<const typename detail::PartsOf<Shape>::Shape&>(), Pose<S>{}));
 
 namespace detail {
 

@@ -26,7 +26,7 @@ class Impacts {
         rows_(system) {
     info_.reserve(rows_.capacity());
     where_.reserve(rows_.capacity());
-    hit_.reserve(most_pairs(system));
+    hit_.reserve(most_part_pairs(system));
   }
 
   /// A new step of `bodies`: none has been hit yet.

@@ -14,8 +14,8 @@ class Islands {
  public:
   explicit Islands(const System& system)
       : parent_(per_body<std::size_t>(system)), end_(parent_), island_(parent_), size_(parent_) {
-    pairs_.reserve(most_pairs(system));
-    order_.reserve(most_pairs(system));
+    pairs_.reserve(most_part_pairs(system));
+    order_.reserve(most_part_pairs(system));
   }
 
   void clear() { pairs_.clear(); }

@@ -4,10 +4,10 @@
 
 namespace rbres::RBRES_ABI {
 
-/// Where a shape stands: the middle of the body and the shape's axes, world frame.
+/// Where a shape, or a part of a Compound, stands: its centre and its axes, world frame.
 template <class S>
 struct Pose {
-  /// Of the body's centre of mass, m.
+  /// Of the centre of mass, m.
   Vec3<S> position;
   /// The shape's axes, as columns.
   Mat3<S> axes;

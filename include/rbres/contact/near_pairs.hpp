@@ -24,10 +24,31 @@ template <class System>
 std::size_t most_pairs(const System& system) {
   return most_pairs(static_cast<std::size_t>(system.size()), system.planes().size());
 }
-/// Of a system's type.
+/// How many parts the shapes of a system's bodies have.
 template <class System>
-constexpr std::size_t pair_room = room_for<System>(most_pairs(static_cast<std::size_t>(System::bodies),
+std::size_t parts_of(const System& system) {
+  if constexpr (PartsOf<typename System::Shape>::compound) {
+    std::size_t sum = 0;
+    for (int i = 0; i < system.size(); ++i) sum += static_cast<std::size_t>(system[i].shape().size());
+    return sum;
+  } else {
+    return static_cast<std::size_t>(system.size());
+  }
+}
+/// The same of pairs of parts, as if each were a body.
+template <class System>
+std::size_t most_part_pairs(const System& system) {
+  return most_pairs(parts_of(system), system.planes().size());
+}
+/// Of a system's type.
+/// @{
+template <class System>
+constexpr std::size_t part_room = static_cast<std::size_t>(System::bodies) *
+                                  static_cast<std::size_t>(PartsOf<typename System::Shape>::most);
+template <class System>
+constexpr std::size_t pair_room = room_for<System>(most_pairs(part_room<System>,
                                                               static_cast<std::size_t>(System::most_planes)));
+/// @}
 
 /// Whether a system has so many bodies that each step costs too much for all of them together. Fewer move to
 /// the same bits whether their number is known when the program is compiled or when it runs.

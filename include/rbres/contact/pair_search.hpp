@@ -15,6 +15,7 @@ class PairSearch {
   using State = typename System::State;
   using Bodies = BodyIndices<System::bodies>;
   using Broad = BroadPhase<S, System::bodies, System::most_planes>;
+  static constexpr bool compound = PartsOf<typename System::Shape>::compound;
 
  public:
   using Ways = PerBody<S, System::bodies>;  ///< m
@@ -27,7 +28,7 @@ class PairSearch {
         way_(per_body<S>(system)),
         wanted_(way_),
         reach_(way_) {
-    pairs_.reserve(most_pairs(system));
+    pairs_.reserve(most_part_pairs(system));
   }
 
   /// A new part, in which no forces are known that carry one of `bodies` farther than its free flight.
@@ -37,7 +38,7 @@ class PairSearch {
 
   /// How far the bodies may get while they go from `from` to `to`, `time` seconds later.
   const Ways& ways(const Bodies& bodies, const State& from, const State& to, const S& time) {
-    for (const int i : bodies) way_[index(i)] = maximum(way_of(from[i], to[i], time), wanted_[index(i)]);
+    for (const int i : bodies) way_[index(i)] = maximum(way_of(i, from[i], to[i], time), wanted_[index(i)]);
     return way_;
   }
   /// The pairs that may touch on these ways, in the lanes `running`.
@@ -50,7 +51,16 @@ class PairSearch {
     }
     pairs_.clear();
     const auto add = [&](const auto& found) {
-      for (const Candidate& who : found) pairs_.emplace_back(*system_, who, rest_speed_);
+      for (const Candidate& who : found) {
+        if constexpr (compound) {
+          const auto& ways = way_;
+          each_near_part(
+              *system_, from, who, [&](int i) -> const S& { return ways[index(i)]; },
+              [&](const auto& parts) { pairs_.emplace_back(*system_, who, rest_speed_, parts); });
+        } else {
+          pairs_.emplace_back(*system_, who, rest_speed_);
+        }
+      }
     };
     if constexpr (System::bodies == dynamic && Broad::sweeps) {
       add(broad_.find(*system_, from, reach_, bodies));
@@ -66,7 +76,7 @@ class PairSearch {
               const MaskOf<S>& running) {
     bool all = true;
     for (const int i : bodies) {
-      const S way = way_of(from[i], to[i], time);
+      const S way = way_of(i, from[i], to[i], time);
       const S slack = as<S>(5e-4) * (*system_)[i].bounding_radius();
       const MaskOf<S> beyond = running & (way > way_[index(i)] + slack);
       if (!any(beyond)) continue;
@@ -78,9 +88,16 @@ class PairSearch {
 
  private:
   /// How far a body may get from where it starts. The path stays near its chord: a constant acceleration
-  /// leaves it by an eighth of its velocity change.
-  static S way_of(const RigidState<S>& from, const RigidState<S>& to, const S& time) {
-    return norm(to.position - from.position) + as<S>(0.5) * time * norm(to.velocity - from.velocity);
+  /// leaves it by an eighth of its velocity change. The parts of a compound turn about its centre of mass.
+  S way_of(int i, const RigidState<S>& from, const RigidState<S>& to, const S& time) const {
+    const S way = norm(to.position - from.position) + as<S>(0.5) * time * norm(to.velocity - from.velocity);
+    if constexpr (compound) {
+      const Vec3<S>&w = from.angular_velocity, &end = to.angular_velocity;
+      const S turn = time * (maximum(norm(w), norm(end)) + as<S>(0.5) * norm(end - w));
+      return way + (*system_)[i].shape().lever() * minimum(turn, as<S>(2));
+    } else {
+      return way;
+    }
   }
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
 

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <vector>
 
+#include <rbres/body/compound.hpp>
 #include <rbres/body/convex_hull.hpp>
 #include <rbres/body/system.hpp>
 
@@ -25,6 +26,23 @@ struct GltfMesh {
   void triangle(int colour, int a, int b, int c) {
     for (const int i : {a, b, c})
       triangles[static_cast<std::size_t>(colour)].push_back(static_cast<std::uint16_t>(i));
+  }
+  /// The triangles of another mesh, moved (m). Throws Error where that makes more vertices than can be told
+  /// apart.
+  void append(const GltfMesh& other, const Vec3<double>& shift) {
+    const std::size_t before = positions.size() / 3;
+    if (before + other.positions.size() / 3 > 65536)
+      refuse("glTF mesh", "65536 vertices or fewer", before + other.positions.size() / 3);
+    for (std::size_t i = 0; i < other.positions.size(); i += 3) {
+      const std::array<double, 3> move{shift.x, shift.y, shift.z};
+      for (std::size_t k = 0; k < 3; ++k)
+        positions.push_back(static_cast<float>(static_cast<double>(other.positions[i + k]) + move[k]));
+    }
+    normals.insert(normals.end(), other.normals.begin(), other.normals.end());
+    for (std::size_t colour = 0; colour < 2; ++colour) {
+      for (const std::uint16_t i : other.triangles[colour])
+        triangles[colour].push_back(static_cast<std::uint16_t>(before + i));
+    }
   }
   /// A flat convex polygon.
   void polygon(int colour, const std::vector<Vec3<double>>& corners, const Vec3<double>& normal) {
@@ -104,6 +122,24 @@ GltfMesh mesh_of(const ConvexHull<S>& hull, const Quat<double>& rotation) {
       corners.push_back(rotate(rotation, exact.vertices()[static_cast<std::size_t>(i)]));
     const Vec3<double>& n = face.normal;
     mesh.polygon(n.x + n.y + n.z < 0, corners, rotate(rotation, n));
+  }
+  return mesh;
+}
+
+/// The parts, inner faces too.
+template <class S, int M, class Shape>
+GltfMesh mesh_of(const Compound<S, M, Shape>& compound, const Quat<double>& rotation) {
+  GltfMesh mesh;
+  const auto plain = [](const auto& v) {
+    return Vec3<double>{static_cast<double>(v.x), static_cast<double>(v.y), static_cast<double>(v.z)};
+  };
+  for (std::size_t k = 0; k < compound.parts().size(); ++k) {
+    const Quat<S>& q = compound.parts()[k].orientation;
+    const Quat<double> turn = rotation * Quat<double>{static_cast<double>(q.x), static_cast<double>(q.y),
+                                                      static_cast<double>(q.z), static_cast<double>(q.w)};
+    const GltfMesh part =
+        with_shape(compound.parts()[k].shape, [&](const auto& shape) { return mesh_of(shape, turn); });
+    mesh.append(part, rotate(rotation, plain(compound.placed()[k].centre)));
   }
   return mesh;
 }

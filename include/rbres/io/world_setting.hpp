@@ -3,6 +3,7 @@
 #include <cmath>
 #include <tuple>
 
+#include <rbres/body/compound.hpp>
 #include <rbres/body/convex_hull.hpp>
 #include <rbres/body/system.hpp>
 #include <rbres/dynamics/forces.hpp>
@@ -34,6 +35,20 @@ Json shape_setting(const ConvexHull<S>& shape) {
   Json vertices = Json::array();
   for (const Vec3<S>& vertex : shape.vertices()) vertices.push_back(vector_setting(vertex));
   return Json::object({{"convex_hull", vertices}});
+}
+
+template <class S, int M, class Shape>
+Json shape_setting(const Compound<S, M, Shape>& shape) {
+  Json parts = Json::array();
+  for (const auto& part : shape.parts()) {
+    const Quat<S>& turn = part.orientation;
+    parts.push_back(
+        Json::object({{"shape", with_shape(part.shape, [](const auto& own) { return shape_setting(own); })},
+                      {"position", vector_setting(part.position)},
+                      {"orientation", Json::array({turn.x, turn.y, turn.z, turn.w})},
+                      {"density", part.density}}));
+  }
+  return Json::object({{"compound", parts}});
 }
 
 template <class S>

@@ -20,6 +20,7 @@ class LawStep {
   using Shape = typename System::Shape;
   static_assert(std::is_same_v<typename System::Scalar, double>,
                 "a learned contact law takes states of double");
+  static_assert(!PartsOf<Shape>::compound, "a learned contact law is not for a Compound");
   using Discrete = std::conditional_t<Law::corrects, DiscreteContact<System>, std::monostate>;
 
  public:

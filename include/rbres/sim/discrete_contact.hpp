@@ -99,15 +99,30 @@ void meet_kinematic(const RigidState<S>& partner, const Body<S, Shape>& body, co
   state = select(depth > S(0), out, state);
 }
 
+/// Calls f(manifold, is_plane) with how a pair meets: two parts, or a plane and all parts of a body at once.
+template <class System, class F>
+void with_discrete_manifold(const System& system, const typename System::State& y, int first, int second,
+                            const PartPairOf<System>& parts, const F& f) {
+  if constexpr (PartPairOf<System>::compound) {
+    if (first < 0) {
+      const auto& plane = system.planes()[static_cast<std::size_t>(-1 - first)];
+      f(detect(plane, system[second].shape(), shape_pose(system[second], y[second])), std::true_type{});
+      return;
+    }
+  }
+  with_part_manifold(system, y, first, second, parts, f);
+}
+
 /// One pair at the end of a step, in the lanes `where`: impulse where it overlaps and approaches, and the
 /// overlap taken away along the normal, shared by inverse mass. What the step's forces alone can have given
 /// in two steps is rest, not approach. What the move costs against the forces is taken out of the motion.
 template <class System>
 void meet(const System& system, std::span<const Gain<typename System::Scalar>> gained,
-          typename System::State& y, int first, int second, const typename System::Scalar& rest,
-          const MaskOf<typename System::Scalar>& where, ContactTally<typename System::Scalar>& tally) {
+          typename System::State& y, int first, int second, const PartPairOf<System>& parts,
+          const typename System::Scalar& rest, const MaskOf<typename System::Scalar>& where,
+          ContactTally<typename System::Scalar>& tally) {
   using S = typename System::Scalar;
-  with_manifold(system, y, first, second, [&](auto manifold, auto is_plane) {
+  with_discrete_manifold(system, y, first, second, parts, [&](auto manifold, auto is_plane) {
     constexpr bool fixed = decltype(is_plane)::value;
     constexpr std::size_t points = std::decay_t<decltype(manifold)>::points;
     std::array<MaskOf<S>, points> touching;
@@ -119,6 +134,7 @@ void meet(const System& system, std::span<const Gain<typename System::Scalar>> g
       depth = maximum(depth, S(-manifold.gap[i]));
     }
     if (!any(overlaps)) return;
+    if (meets_covered(system, y, {first, second}, parts, manifold, S(0))) return;
     if constexpr (Packed<S>) gather(manifold, touching);
     tally.touching += overlaps;
 
@@ -176,13 +192,11 @@ void meet(const System& system, std::span<const Gain<typename System::Scalar>> g
 }
 /// The same in one piece, which is faster: not for dual numbers, with which g++ 12 fails on it.
 template <class System>
-[[gnu::noinline, gnu::flatten]] void meet_flat(const System& system,
-                                               std::span<const Gain<typename System::Scalar>> gained,
-                                               typename System::State& y, int first, int second,
-                                               const typename System::Scalar& rest,
-                                               const MaskOf<typename System::Scalar>& where,
-                                               ContactTally<typename System::Scalar>& tally) {
-  meet(system, gained, y, first, second, rest, where, tally);
+[[gnu::noinline, gnu::flatten]] void meet_flat(
+    const System& system, std::span<const Gain<typename System::Scalar>> gained, typename System::State& y,
+    int first, int second, const PartPairOf<System>& parts, const typename System::Scalar& rest,
+    const MaskOf<typename System::Scalar>& where, ContactTally<typename System::Scalar>& tally) {
+  meet(system, gained, y, first, second, parts, rest, where, tally);
 }
 
 /// All contacts at the end of a step of h (s) from `before` to y, each pair once. Pairs that share a body are
@@ -198,7 +212,7 @@ class DiscreteContact {
       : system_(&system), broad_(system.planes().size(), system.size()), reach_(per_body<S>(system)) {
     for (int i = 0; i < system.size(); ++i) reach_[static_cast<std::size_t>(i)] = system[i].bounding_radius();
     const auto n = static_cast<std::size_t>(system.size());
-    pairs_.reserve(most_pairs(system));
+    pairs_.reserve(most_part_pairs(system));
     used_.reserve(n);
     gained_.reserve(n);
   }
@@ -216,9 +230,9 @@ class DiscreteContact {
     }
     const auto meet_pair = [&](const Pair& pair, const MaskOf<S>& where) {
       if constexpr (std::is_floating_point_v<typename ScalarTraits<S>::Value>) {
-        meet_flat(*system_, gained_, y, pair.first, pair.second, rest_speed, where, tally);
+        meet_flat(*system_, gained_, y, pair.first, pair.second, pair.parts, rest_speed, where, tally);
       } else {
-        meet(*system_, gained_, y, pair.first, pair.second, rest_speed, where, tally);
+        meet(*system_, gained_, y, pair.first, pair.second, pair.parts, rest_speed, where, tally);
       }
     };
     if (!any(shared_)) {
@@ -226,7 +240,7 @@ class DiscreteContact {
       return;
     }
     for (Pair& pair : pairs_) {
-      with_manifold(*system_, y, pair.first, pair.second, [&](const auto& m, auto) {
+      with_discrete_manifold(*system_, y, pair.first, pair.second, pair.parts, [&](const auto& m, auto) {
         pair.depth = S(-m.gap[0]);
         for (std::size_t i = 1; i < std::decay_t<decltype(m)>::points; ++i)
           pair.depth = maximum(pair.depth, S(-m.gap[i]));
@@ -263,6 +277,7 @@ class DiscreteContact {
     std::size_t place;  ///< in the list
     S depth;            ///< at the end of the step, m; negative: apart
     MaskOf<S> open;     ///< near each other when the pairs were found, and not yet taken
+    [[no_unique_address]] PartPairOf<System> parts;
   };
 
   /// Whether a pair has the body already. A type of its own, because a vector of bool gives no references.
@@ -276,14 +291,25 @@ class DiscreteContact {
     used_.assign(static_cast<std::size_t>(system.size()), {MaskOf<S>(false)});
     shared_ = MaskOf<S>(false);
     pairs_.clear();
-    const auto add = [&](const Candidate& who, const MaskOf<S>& near) {
-      pairs_.push_back({who.first, who.second, pairs_.size(), S(0), near});
+    const auto add_parts = [&](const Candidate& who, const MaskOf<S>& near, const PartPairOf<System>& parts) {
+      pairs_.push_back({who.first, who.second, pairs_.size(), S(0), near, parts});
       for (const int i : {who.first, who.second}) {
         if (i < 0) continue;
         MaskOf<S>& u = used_[static_cast<std::size_t>(i)].yes;
         shared_ = shared_ | (u & near);
         u = u | near;
       }
+    };
+    const auto add = [&](const Candidate& who, const MaskOf<S>& near) {
+      if constexpr (PartPairOf<System>::compound) {
+        if (who.first >= 0) {
+          each_near_part(
+              system, y, who, [](int) { return S(0); },
+              [&](const auto& parts) { add_parts(who, near, parts); });
+          return;
+        }
+      }
+      add_parts(who, near, {});
     };
     if constexpr (Broad::sweeps) {
       for (const Candidate& who : broad_.find(system, y, reach_)) add(who, MaskOf<S>(true));

@@ -15,7 +15,7 @@ class ImpactLog {
 
  public:
   explicit ImpactLog(const System& system) {
-    if constexpr (System::bodies == dynamic) later_.reserve(most_pairs(system));
+    if constexpr (System::bodies == dynamic) later_.reserve(most_part_pairs(system));
   }
 
   /// A step, or the same anew. `in_groups`: impacts come group by group.

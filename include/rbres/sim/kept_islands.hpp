@@ -24,7 +24,7 @@ class KeptIslands {
       kept_ = disturbed_ = per_body<bool>(system);
       elapsed_ = per_body<S>(system);
       start_ = state_of(system);
-      pairs_.reserve(most_pairs(system));
+      pairs_.reserve(most_part_pairs(system));
     }
   }
 
@@ -48,9 +48,9 @@ class KeptIslands {
   bool mark(Pair& pair) const {
     if constexpr (possible) {
       if (pairs_.empty() || !(has(pair) || (pair.moved.first >= 0 && has(pair.moved.first)))) return false;
-      const auto at = std::lower_bound(pairs_.begin(), pairs_.end(), pair.who,
-                                       [](const Rests& a, const Candidate& b) { return before(a.who, b); });
-      const bool known = at != pairs_.end() && !before(pair.who, at->who);
+      const auto at = std::lower_bound(pairs_.begin(), pairs_.end(), pair,
+                                       [](const Rests& a, const Pair& b) { return before(a, b); });
+      const bool known = at != pairs_.end() && !before(pair, *at);
       for (std::size_t i = 0; i < Pair::points; ++i) pair.resting[i] = known && at->points[i];
       pair.any_resting = known;
       return true;
@@ -112,7 +112,7 @@ class KeptIslands {
       for (const int i : bodies) elapsed_[index(i)] += seconds;
       pairs_.clear();
       for (const Pair& pair : pairs) {
-        if (pair.any_resting && has(pair)) pairs_.push_back({pair.who, pair.resting});
+        if (pair.any_resting && has(pair)) pairs_.push_back({pair.who, pair.resting, pair.parts});
       }
     }
   }
@@ -122,12 +122,15 @@ class KeptIslands {
   struct Rests {
     Candidate who;
     std::array<MaskOf<S>, Pair::points> points;
+    [[no_unique_address]] typename Pair::Parts parts;
   };
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
   /// In the order in which pairs are found.
-  static bool before(const Candidate& a, const Candidate& b) {
-    if (a.first == b.first) return a.second < b.second;
-    return a.first < 0 && b.first < 0 ? a.first > b.first : a.first < b.first;
+  template <class A, class B>
+  static bool before(const A& a, const B& b) {
+    const Candidate &i = a.who, &k = b.who;
+    if (i.first != k.first) return i.first < 0 && k.first < 0 ? i.first > k.first : i.first < k.first;
+    return i.second != k.second ? i.second < k.second : a.parts.number() < b.parts.number();
   }
   static bool touches(const Pair& pair, const typename Pair::Contact& contact) {
     return std::any_of(contact.gap.begin(), contact.gap.end(),

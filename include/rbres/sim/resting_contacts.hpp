@@ -40,8 +40,8 @@ class RestingContacts {
         unheld_(end_),
         flown_(state_of(system)),
         last_(flown_) {
-    at_end_.reserve(most_pairs(system));
-    turns_.reserve(most_pairs(system));
+    at_end_.reserve(most_part_pairs(system));
+    turns_.reserve(most_part_pairs(system));
   }
 
   /// A state that did not come out of the last step owes nothing to it.
@@ -139,7 +139,7 @@ class RestingContacts {
     turns_.resize(pairs.size());
     for (std::size_t island = 0; island < islands_.count(); ++island) {
       if (keeps(pairs, island)) {
-        for (const std::size_t k : islands_[island]) memory_.keep(pairs[k].who);
+        for (const std::size_t k : islands_[island]) memory_.keep(pairs[k]);
         continue;
       }
       turn_halfway(pairs, island, y, motion, left);

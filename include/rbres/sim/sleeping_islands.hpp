@@ -163,8 +163,8 @@ class SleepingIslands {
       island.fill(-1);
       lies_down.fill(false);
       quiet.fill(S(0));
-      rests.reserve(most_pairs(system));
-      supports.reserve(most_pairs(system));
+      rests.reserve(most_part_pairs(system));
+      supports.reserve(most_part_pairs(system));
     }
     PerBody<int, System::bodies> island;      ///< the number of one of its bodies; -1: awake
     PerBody<bool, System::bodies> lies_down;  ///< whether it sleeps after one step more without a change
