@@ -172,6 +172,17 @@ struct Chain {
   }
 };
 
+/// A chain at inference, where dropout does nothing: without it, so that more stages share their code.
+template <class Kept, class... Layers>
+struct AtInference {
+  using type = Kept;
+};
+template <class... Kept, class Layer, class... Rest>
+struct AtInference<Chain<Kept...>, Layer, Rest...>
+    : AtInference<std::conditional_t<is_dropout<Layer>, Chain<Kept...>, Chain<Kept..., Layer>>, Rest...> {};
+template <class... Layers>
+typename AtInference<Chain<>, Layers...>::type at_inference(Chain<Layers...>);
+
 /// The elementwise layers [First, First + sizeof...(I)) of a tuple.
 template <class All, int First, std::size_t... I>
 Chain<std::tuple_element_t<static_cast<std::size_t>(First) + I, All>...> chain_of(std::index_sequence<I...>);
@@ -236,6 +247,8 @@ struct Compiled<Sequential<Layers...>> {
   template <int S>
   using ChainOfStage = decltype(chain_of<AllElementwise, stage(S).first>(
       std::make_index_sequence<static_cast<std::size_t>(stage(S).count)>{}));
+  template <int S>
+  using ChainAtInference = decltype(at_inference(ChainOfStage<S>{}));
 };
 
 /// Names of the layers with parameters, as the equivalent nn.Sequential counts them, in the order of the
