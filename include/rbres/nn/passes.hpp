@@ -220,8 +220,8 @@ struct Passes {
   static void stage(int count, const W* parameters, Matrix in, Matrix skip, Matrix out,
                     Matrix slope) noexcept {
     constexpr Stage info = C::stage(S);
-    using Chain =
-        std::conditional_t<Recorded, typename C::template ChainOfStage<S>, typename C::template ChainAtInference<S>>;
+    using Chain = std::conditional_t<Recorded, typename C::template ChainOfStage<S>,
+                                     typename C::template ChainAtInference<S>>;
     if constexpr (info.has_linear) {
       linear<Chain, info.skip != no_stage, Recorded>(info.inputs, info.outputs, count, parameters + offset(S),
                                                      in, skip, out, slope);

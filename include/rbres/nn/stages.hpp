@@ -251,6 +251,11 @@ struct Compiled<Sequential<Layers...>> {
   using ChainAtInference = decltype(at_inference(ChainOfStage<S>{}));
 };
 
+/// The name of the layer at this place of a container.
+[[gnu::cold]] inline std::string layer_name(const std::string& container, int place) {
+  return container + (container.empty() ? "" : ".") + std::to_string(place);
+}
+
 /// Names of the layers with parameters, as the equivalent nn.Sequential counts them, in the order of the
 /// stages.
 template <int In, int Out>
@@ -266,7 +271,7 @@ void append_names(std::vector<std::string>&, const std::string&, Layer) {}
 template <template <class...> class Container, class... Layers>
 void append_names(std::vector<std::string>& names, const std::string& prefix, Container<Layers...>) {
   int position = 0;
-  (append_names(names, prefix + (prefix.empty() ? "" : ".") + std::to_string(position++), Layers{}), ...);
+  (append_names(names, layer_name(prefix, position++), Layers{}), ...);
 }
 
 }  // namespace rbres::RBRES_ABI::detail
