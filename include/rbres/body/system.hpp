@@ -70,8 +70,9 @@ Planes checked_planes(Planes planes) {
 }
 
 /// Puts pairs in order, each with its smaller index first. Throws Error for one that is no pair of so many
-/// bodies and planes.
-inline void check_pairs(std::span<std::array<int, 2>> pairs, int bodies, std::ptrdiff_t planes) {
+/// bodies and planes. Never inlined: GCC 12 warns of sorting a list that has room for one.
+[[gnu::noinline]] inline void check_pairs(std::span<std::array<int, 2>> pairs, int bodies,
+                                          std::ptrdiff_t planes) {
   for (auto& [first, second] : pairs) {
     if (first > second) std::swap(first, second);
     if (second < 0 || second >= bodies || first >= second || first < -planes) {
@@ -82,6 +83,7 @@ inline void check_pairs(std::span<std::array<int, 2>> pairs, int bodies, std::pt
   }
   std::sort(pairs.begin(), pairs.end());
 }
+/// The pairs after check_pairs().
 template <class Pairs>
 Pairs checked_pairs(Pairs pairs, int bodies, std::ptrdiff_t planes) {
   check_pairs({pairs.data(), pairs.size()}, bodies, planes);

@@ -29,6 +29,7 @@ inline std::atomic<void (*)(const char* what)> error_handler{nullptr};
 
 namespace rbres::RBRES_ABI::detail {
 
+/// See fail(): one function for all lists of parts.
 [[noreturn, gnu::cold, gnu::noinline]] inline void fail_with(TextParts parts) {
 #if RBRES_HAS_EXCEPTIONS
   throw Error(joined(parts));

@@ -69,6 +69,7 @@ decltype(auto) as_part(const T& part) {
   }
 }
 
+/// See text(): one function for all lists of parts.
 [[gnu::noinline]] inline std::string joined(TextParts parts) {
   std::string all;
   for (const TextPart& part : parts) all.append(part.words());

@@ -13,7 +13,7 @@
 /// all else that loads a model.
 namespace rbres::RBRES_ABI::detail {
 
-/// A string of UTF-8 in quotes; only what must be escaped is.
+/// A string of UTF-8 in quotes, in which only what must be is escaped.
 [[gnu::cold]] inline std::string json_string(std::string_view text) {
   constexpr std::string_view named = "\"\\\b\f\n\r\t", names = "\"\\bfnrt", digits = "0123456789abcdef";
   std::string out = "\"";
@@ -30,8 +30,8 @@ namespace rbres::RBRES_ABI::detail {
   return out += '"';
 }
 
-/// Where text[at] is the quote that begins a string: puts the string into `out`, and `at` behind its end.
-/// False where it is none, or is not UTF-8; `at` then is where.
+/// Puts the string that begins with the quote text[at] into `out`, and `at` behind its end. False where it is
+/// no string of JSON, or not of UTF-8: `at` then is where this was seen.
 [[gnu::cold]] inline bool read_quoted(std::string_view text, std::size_t& at, std::string& out) {
   const auto code_unit = [&](std::uint32_t& unit) {
     unit = 0;
@@ -46,9 +46,9 @@ namespace rbres::RBRES_ABI::detail {
   out.clear();
   for (++at; at < text.size();) {
     const char c = text[at];
-    if (c == '"') return is_utf8(out) && ++at > 0;
     if (static_cast<unsigned char>(c) < 0x20) return false;
     ++at;
+    if (c == '"') return is_utf8(out);  // escapes end no character that other bytes began
     if (c != '\\') {
       out += c;
       continue;

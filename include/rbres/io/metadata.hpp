@@ -76,6 +76,7 @@ template <class T>
 template <class Derived>
 void numbers_from_metadata(const SafetensorsReader& file, std::string_view key,
                            Eigen::PlainObjectBase<Derived>& numbers, Bounds bounds = {}) {
+  static_assert(Derived::IsVectorAtCompileTime || !Derived::IsRowMajor);
   read_numbers<typename Derived::Scalar>(file, key,
                                          {numbers.data(), static_cast<std::size_t>(numbers.size())}, bounds);
 }

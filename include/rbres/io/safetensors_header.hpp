@@ -101,7 +101,7 @@ class SafetensorsHeader {
         return;
       }
       std::size_t count = 0;
-      list([&] {
+      parts('[', ']', [&] {
         const std::uint64_t value = number();
         if (is_shape) {
           if (++count > 8) fail("at most 8 dimensions", "more");
@@ -117,7 +117,7 @@ class SafetensorsHeader {
       fail("dtype, shape and data_offsets", "a tensor that lacks one");
   }
 
-  /// The next character that is no space, '\0' behind the last.
+  /// The next character that is no space; '\0', which JSON has nowhere, behind the last.
   char next() {
     at_ = std::min(json_.find_first_not_of(" \t\r\n", at_), json_.size());
     return at_ < json_.size() ? json_[at_] : '\0';
@@ -138,6 +138,7 @@ class SafetensorsHeader {
     }
     ++at_;
   }
+  /// Calls take(key) where each value of an object begins.
   template <class Take>
   void members(const Take& take) {
     parts('{', '}', [&] {
@@ -147,10 +148,6 @@ class SafetensorsHeader {
       ++at_;
       take(key);
     });
-  }
-  template <class Take>
-  void list(const Take& take) {
-    parts('[', ']', take);
   }
   [[gnu::cold]] std::string string() {
     std::string out;
