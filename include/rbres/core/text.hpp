@@ -28,20 +28,26 @@ inline std::string_view integer_text(std::uint64_t size, bool negative, std::arr
 }
 
 /// A part of a text: words, which must outlive it, or a number. Floating-point numbers have enough digits to
-/// tell two apart: 12, as printf's %.12g. Neither brings in streams or the heap. So that little is compiled
-/// for each list of parts, what becomes of them is no template.
+/// tell two apart: 12, as printf's %.12g. Neither brings in streams or the heap. What only converts to a
+/// number, as JSON does, is streamed before. So that little is compiled for each list of parts, what becomes
+/// of them is no template.
 class TextPart {
  public:
   /// @{
   template <class T>
   requires(std::is_convertible_v<const T&, std::string_view>) TextPart(const T& words) : words_(words) {}
-  TextPart(char c) : words_(room_.data(), 1) { room_[0] = c; }
-  TextPart(bool flag) : words_(flag ? "1" : "0") {}
   template <std::integral T>
-  TextPart(T number)
-      : words_(integer_text(
-            number < T(0) ? 0 - static_cast<std::uint64_t>(number) : static_cast<std::uint64_t>(number),
-            number < T(0), room_)) {}
+  TextPart(T x) {
+    if constexpr (std::same_as<T, char>) {
+      room_[0] = x;
+      words_ = {room_.data(), 1};
+    } else if constexpr (std::same_as<T, bool>) {
+      words_ = x ? "1" : "0";
+    } else {
+      const auto bits = static_cast<std::uint64_t>(x);
+      words_ = integer_text(x < T(0) ? 0 - bits : bits, x < T(0), room_);
+    }
+  }
   template <std::floating_point T>
   TextPart(T number) : words_(number_text(static_cast<double>(number), room_)) {}
   TextPart(const TextPart&) = delete;
