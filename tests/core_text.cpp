@@ -3,11 +3,14 @@
 
 #include <array>
 #include <bit>
+#include <cstdint>
 #include <cstdio>
 #include <limits>
+#include <ostream>
 #include <rbres/core/error.hpp>
 #include <rbres/core/philox.hpp>
 #include <string>
+#include <string_view>
 
 #include "error_of.hpp"
 
@@ -23,7 +26,22 @@ std::string refused(double found) {
   return error_of([&] { rbres::detail::refuse("it", "another", found); });
 }
 
+/// Converts to a number, and streams as something else, as JSON does.
+struct Streamed {
+  operator bool() const { return true; }
+};
+std::ostream& operator<<(std::ostream& out, Streamed) { return out << "streamed"; }
+
 }  // namespace
+
+TEST_CASE("parts of a text stand in it as they would be streamed") {
+  using rbres::detail::text;
+  CHECK(text(Streamed{}, ' ', true, false, " a", 'b', std::string("c"), std::string_view("d")) ==
+        "streamed 10 abcd");
+  CHECK(text(0, ' ', -1, ' ', 42u, ' ', std::int8_t{-128}) == "0 -1 42 -128");
+  CHECK(text(std::numeric_limits<std::int64_t>::min(), ' ', std::numeric_limits<std::uint64_t>::max()) ==
+        "-9223372036854775808 18446744073709551615");
+}
 
 TEST_CASE("an error has a number as printf writes it, with twelve digits") {
   const auto same = [](double x) { CHECK(refused(x) == "it: expected another, found " + printed(x)); };

@@ -6,6 +6,7 @@
 #include <rbres/body/body.hpp>
 #include <rbres/body/state.hpp>
 #include <rbres/core/fixed_list.hpp>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -68,10 +69,10 @@ Planes checked_planes(Planes planes) {
   return planes;
 }
 
-/// The pairs in order, each with its smaller index first. Throws Error for one that is no pair of so many
-/// bodies and planes.
-template <class Pairs>
-Pairs checked_pairs(Pairs pairs, int bodies, std::ptrdiff_t planes) {
+/// Puts pairs in order, each with its smaller index first. Throws Error for one that is no pair of so many
+/// bodies and planes. Never inlined: GCC 12 warns of sorting a list that has room for one.
+[[gnu::noinline]] inline void check_pairs(std::span<std::array<int, 2>> pairs, int bodies,
+                                          std::ptrdiff_t planes) {
   for (auto& [first, second] : pairs) {
     if (first > second) std::swap(first, second);
     if (second < 0 || second >= bodies || first >= second || first < -planes) {
@@ -80,9 +81,12 @@ Pairs checked_pairs(Pairs pairs, int bodies, std::ptrdiff_t planes) {
              Line(first, " and ", second));
     }
   }
-  // GCC 12 warns of sorting a list that has room for one.
-  constexpr bool one_at_most = requires { requires(Pairs::capacity() <= 1); };
-  if constexpr (!one_at_most) std::sort(pairs.begin(), pairs.end());
+  std::sort(pairs.begin(), pairs.end());
+}
+/// The pairs after check_pairs().
+template <class Pairs>
+Pairs checked_pairs(Pairs pairs, int bodies, std::ptrdiff_t planes) {
+  check_pairs({pairs.data(), pairs.size()}, bodies, planes);
   return pairs;
 }
 

@@ -29,19 +29,24 @@ inline std::atomic<void (*)(const char* what)> error_handler{nullptr};
 
 namespace rbres::RBRES_ABI::detail {
 
-/// Throws Error of these parts of a text, see append_text(); without exceptions, see error_handler.
-template <class... Parts>
-[[noreturn]] void fail(const Parts&... parts) {
+/// See fail(): one function for all lists of parts.
+[[noreturn, gnu::cold, gnu::noinline]] inline void fail_with(TextParts parts) {
 #if RBRES_HAS_EXCEPTIONS
-  throw Error(text(parts...));
+  throw Error(joined(parts));
 #else
-  const Line what(parts...);
+  const Line what(parts);
   if (const auto handler = error_handler.load()) handler(what.c_str());
 #if defined(__unix__) || defined(__APPLE__) || defined(_WIN32)
   std::fprintf(stderr, "rbres: %s\n", what.c_str());
 #endif
   std::abort();
 #endif
+}
+
+/// Throws Error of these parts of a text, see text(); without exceptions, see error_handler.
+template <class... Any>
+[[noreturn, gnu::cold]] void fail(const Any&... parts) {
+  fail_with({TextPart(as_part(parts))...});
 }
 
 /// Calls f(); where it throws, otherwise(), which may throw again.
@@ -60,7 +65,7 @@ void attempt(const F& f, [[maybe_unused]] const Otherwise& otherwise) {
 
 /// Throws "WHAT: expected EXPECTED, found FOUND".
 template <class Found>
-[[noreturn]] void refuse(std::string_view what, std::string_view expected, const Found& found) {
+[[noreturn, gnu::cold]] void refuse(std::string_view what, std::string_view expected, const Found& found) {
   fail(what, ": expected ", expected, ", found ", found);
 }
 

@@ -48,7 +48,7 @@ class LongNumber {
 
 /// A number with up to 12 digits as printf's %.12g writes it, rounded to the nearest; it stands in `room`.
 /// What the standard library has for this brings exceptions, and with them the heap, to small processors.
-inline std::string_view number_text(double x, std::array<char, 24>& room) {
+[[gnu::cold]] inline std::string_view number_text(double x, std::array<char, 24>& room) {
   constexpr int most = 12;
   char* to = room.data();
   const auto text = [&](std::string_view words) {

@@ -5,8 +5,10 @@
 #include <charconv>
 #include <concepts>
 #include <cstddef>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
+#include <initializer_list>
 #include <rbres/core/abi.hpp>
 #include <rbres/core/number_text.hpp>
 #include <sstream>
@@ -16,52 +18,90 @@
 
 namespace rbres::RBRES_ABI::detail {
 
-/// Appends a part to a text: words, numbers, or anything that streams. Floating-point numbers have enough
-/// digits to tell two apart: 12, as printf's %.12g. Neither words nor numbers bring in streams or the heap.
-template <class Text, class Part>
-void append_text(Text& text, const Part& part) {
-  if constexpr (std::is_convertible_v<const Part&, std::string_view>) {
-    text.append(std::string_view(part));
-  } else if constexpr (std::same_as<Part, char>) {
-    text.append(std::string_view(&part, 1));
-  } else if constexpr (std::same_as<Part, bool>) {
-    text.append(std::string_view(part ? "1" : "0"));
-  } else if constexpr (std::integral<Part>) {
-    std::array<char, 24> digits;
-    const char* end = std::to_chars(digits.data(), digits.data() + digits.size(), part).ptr;
-    text.append(std::string_view(digits.data(), static_cast<std::size_t>(end - digits.data())));
-  } else if constexpr (std::floating_point<Part>) {
-    std::array<char, 24> room;
-    text.append(number_text(static_cast<double>(part), room));
+/// A whole number as text, which stands in `room`.
+inline std::string_view integer_text(std::uint64_t size, bool negative, std::array<char, 24>& room) {
+  std::size_t at = room.size();
+  do room[--at] = static_cast<char>('0' + size % 10);
+  while ((size /= 10) > 0);
+  if (negative) room[--at] = '-';
+  return {room.data() + at, room.size() - at};
+}
+
+/// A part of a text: words, which must outlive it, or a number. Floating-point numbers have enough digits to
+/// tell two apart: 12, as printf's %.12g. Neither brings in streams or the heap. What only converts to a
+/// number, as JSON does, is streamed before. So that little is compiled for each list of parts, what becomes
+/// of them is no template.
+class TextPart {
+ public:
+  /// @{
+  template <class T>
+  requires(std::is_convertible_v<const T&, std::string_view>) TextPart(const T& words) : words_(words) {}
+  template <std::integral T>
+  TextPart(T x) {
+    if constexpr (std::same_as<T, char>) {
+      room_[0] = x;
+      words_ = {room_.data(), 1};
+    } else if constexpr (std::same_as<T, bool>) {
+      words_ = x ? "1" : "0";
+    } else {
+      const auto bits = static_cast<std::uint64_t>(x);
+      words_ = integer_text(x < T(0) ? 0 - bits : bits, x < T(0), room_);
+    }
+  }
+  template <std::floating_point T>
+  TextPart(T number) : words_(number_text(static_cast<double>(number), room_)) {}
+  TextPart(const TextPart&) = delete;
+  TextPart& operator=(const TextPart&) = delete;
+  /// @}
+
+  std::string_view words() const { return words_; }
+
+ private:
+  std::array<char, 24> room_;
+  std::string_view words_;
+};
+using TextParts = std::initializer_list<TextPart>;
+
+/// What is no TextPart itself, as it streams.
+template <class T>
+decltype(auto) as_part(const T& part) {
+  if constexpr (std::is_constructible_v<TextPart, const T&>) {
+    return (part);
   } else {
     std::ostringstream out;
     out.precision(12);
     out << part;
-    text.append(out.str());
+    return out.str();
   }
 }
 
-/// Concatenates parts, see append_text().
-template <class... Parts>
-std::string text(const Parts&... parts) {
+/// See text(): one function for all lists of parts.
+[[gnu::noinline]] inline std::string joined(TextParts parts) {
   std::string all;
-  (append_text(all, parts), ...);
+  for (const TextPart& part : parts) all.append(part.words());
   return all;
+}
+
+/// Concatenates parts: words, numbers, or anything that streams.
+template <class... Any>
+std::string text(const Any&... parts) {
+  return joined({TextPart(as_part(parts))...});
 }
 
 /// The same in a room of its own, for what a program without a heap may refuse. Words that find no room are
 /// left out.
 class Line {
  public:
-  template <class... Parts>
-  explicit Line(const Parts&... parts) {
-    (append_text(*this, parts), ...);
+  template <class... Any>
+  explicit Line(const Any&... parts) : Line(TextParts{TextPart(as_part(parts))...}) {}
+  [[gnu::noinline]] explicit Line(TextParts parts) {
+    for (const TextPart& part : parts) {
+      const std::string_view words = part.words();
+      const std::size_t count = std::min(words.size(), words_.size() - 1 - size_);
+      std::copy_n(words.data(), count, words_.data() + size_);
+      size_ += count;
+    }
     words_[size_] = '\0';
-  }
-  void append(std::string_view words) {
-    const std::size_t count = std::min(words.size(), words_.size() - 1 - size_);
-    std::copy_n(words.data(), count, words_.data() + size_);
-    size_ += count;
   }
   operator std::string_view() const { return {words_.data(), size_}; }
   const char* c_str() const { return words_.data(); }

@@ -49,8 +49,8 @@ struct LayerName<Linear<In, Out>> {
   static std::string text(LayerText) { return detail::text("rbres::Linear<", In, ", ", Out, ">"); }
 };
 
-inline std::string layer_list(std::string_view container, const std::vector<std::string>& layers,
-                              LayerText how) {
+[[gnu::cold]] inline std::string layer_list(std::string_view container,
+                                            const std::vector<std::string>& layers, LayerText how) {
   std::string out(container);
   for (std::size_t i = 0, run = 1; i < layers.size(); i += run, run = 1) {
     if (how == LayerText::shortened)

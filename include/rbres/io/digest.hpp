@@ -25,7 +25,7 @@ inline const std::string no_digest(64, '0');
 
 /// Where the digits of the file's digest stand in its JSON; npos where there are none. Quotes within strings
 /// are escaped, so the key is found nowhere else.
-inline std::size_t digest_place(std::string_view json) {
+[[gnu::cold]] inline std::size_t digest_place(std::string_view json) {
   constexpr std::string_view space = " \t\r\n", key = "\"sha256\"";
   for (std::size_t at = 0; (at = json.find(key, at)) != json.npos;) {
     at = json.find_first_not_of(space, at + key.size());
@@ -49,8 +49,8 @@ inline void add_bytes(Sha256& hash, const InputFile& file, std::uint64_t from, s
 }
 
 /// Error when the file's bytes are not those of which `expected` is the digest.
-inline void require_digest(const std::filesystem::path& path, const std::string& expected,
-                           const Sha256& found) {
+[[gnu::cold]] inline void require_digest(const std::filesystem::path& path, const std::string& expected,
+                                         const Sha256& found) {
   if (found.text() != expected)
     refuse(path.string() + ": SHA-256 digest", expected,
            found.text() + ": the file is not as it was written");

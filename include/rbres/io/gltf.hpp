@@ -60,8 +60,7 @@ class GltfScene {
   template <class System>
   void add_motion(const std::string& name, const System& system, std::span<const double> times,
                   std::span<const typename System::State> states, const GltfStyle& style = {}) {
-    if (!detail::is_utf8(nlohmann::json(name)))
-      detail::refuse("glTF motion, name", "UTF-8", "bytes that are not");
+    if (!detail::is_utf8(name)) detail::refuse("glTF motion, name", "UTF-8", "bytes that are not");
     const std::string what = "glTF motion '" + name + "'";
     const std::vector<float> seconds = checked_times(what, times, states.size());
     check_style(what, style, System::bodies);

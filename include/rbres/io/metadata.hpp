@@ -1,9 +1,12 @@
 #pragma once
 
+#include <cstddef>
 #include <limits>
 #include <locale>
+#include <span>
 #include <sstream>
 #include <string>
+#include <string_view>
 
 #include <Eigen/Core>
 
@@ -14,7 +17,7 @@ namespace rbres::RBRES_ABI {
 
 /// Error that names the path and both values when the file's metadata lack one of these or have another: for
 /// one's own metadata, that say what a model was made for.
-inline void require_metadata(const SafetensorsReader& file, const Metadata& expected) {
+[[gnu::cold]] inline void require_metadata(const SafetensorsReader& file, const Metadata& expected) {
   for (const auto& [key, value] : expected) {
     const auto found = file.metadata().find(key);
     if (found == file.metadata().end() || found->second != value)
@@ -30,11 +33,14 @@ struct Bounds {
   double least = -1e30, most = 1e30;
 };
 
+[[gnu::cold]] inline void require_within(const std::string& what, double x, Bounds bounds) {
+  if (!(x >= bounds.least && x <= bounds.most))
+    refuse(what, text("numbers from ", bounds.least, " to ", bounds.most), x);
+}
 template <class Derived>
 void require_within(const std::string& what, const Eigen::DenseBase<Derived>& numbers, Bounds bounds) {
   for (const auto number : numbers.derived().reshaped())
-    if (const auto x = static_cast<double>(number); !(x >= bounds.least && x <= bounds.most))
-      refuse(what, text("numbers from ", bounds.least, " to ", bounds.most), x);
+    require_within(what, static_cast<double>(number), bounds);
 }
 
 /// Numbers as text that reads back to the same bits, column by column: for the few that stand in a file's
@@ -49,22 +55,30 @@ std::string numbers_to_text(const Eigen::DenseBase<Derived>& numbers) {
   return out.str();
 }
 
-/// Reads as many numbers as `numbers` has from the file's metadata; Error when the key is missing or its text
-/// holds anything else, or a number out of bounds.
-template <class Derived>
-void numbers_from_metadata(const SafetensorsReader& file, const std::string& key,
-                           Eigen::DenseBase<Derived>& numbers, Bounds bounds = {}) {
+/// See numbers_from_metadata(): one function for matrices of all sizes.
+template <class T>
+[[gnu::cold]] void read_numbers(const SafetensorsReader& file, std::string_view key, std::span<T> numbers,
+                                Bounds bounds) {
   const std::string what = text(file.path().string(), ": metadata '", key, "'");
   const std::string expected = text(numbers.size(), " finite numbers");
-  const auto found = file.metadata().find(key);
+  const auto found = file.metadata().find(std::string(key));
   if (found == file.metadata().end()) refuse(what, expected, "none");
   std::istringstream in(found->second);
   in.imbue(std::locale::classic());
-  for (Eigen::Index column = 0; column < numbers.cols(); ++column)
-    for (Eigen::Index row = 0; row < numbers.rows(); ++row)
-      if (!(in >> numbers(row, column))) refuse(what, expected, "fewer, or something else");
+  for (T& number : numbers)
+    if (!(in >> number)) refuse(what, expected, "fewer, or something else");
   if (!(in >> std::ws).eof()) refuse(what, expected, "more");
-  require_within(what, numbers, bounds);
+  for (const T number : numbers) require_within(what, static_cast<double>(number), bounds);
+}
+
+/// Reads as many numbers as `numbers` has from the file's metadata; Error when the key is missing or its text
+/// holds anything else, or a number out of bounds.
+template <class Derived>
+void numbers_from_metadata(const SafetensorsReader& file, std::string_view key,
+                           Eigen::PlainObjectBase<Derived>& numbers, Bounds bounds = {}) {
+  static_assert(Derived::IsVectorAtCompileTime || !Derived::IsRowMajor);
+  read_numbers<typename Derived::Scalar>(file, key,
+                                         {numbers.data(), static_cast<std::size_t>(numbers.size())}, bounds);
 }
 
 }  // namespace detail

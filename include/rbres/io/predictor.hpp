@@ -69,7 +69,7 @@ struct ModelFormat<Predictor<Net, N>> {
       if (f[i] < 0)
         detail::refuse(file.path().string() + ": flow_forces", "a fluid and damping of 0 or more", f[i]);
     const auto system = [&]<std::size_t... I>(std::index_sequence<I...>) {
-      return System<double, N>({body(file, bodies.col(static_cast<Eigen::Index>(I)))...});
+      return typename FreeFlow<N>::System({body(file, bodies.col(static_cast<Eigen::Index>(I)))...});
     }
     (std::make_index_sequence<std::size_t(N)>{});
     Model p{std::move(network), {}, {}, {system, {{f[0], f[1], f[2]}}, {f[3], f[4], f[5]}, {f[6], f[7]}}};

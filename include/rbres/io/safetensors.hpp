@@ -16,11 +16,11 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <nlohmann/json.hpp>
 
 #include <rbres/io/atomic_file.hpp>
 #include <rbres/io/digest.hpp>
 #include <rbres/io/file.hpp>
+#include <rbres/io/json_string.hpp>
 #include <rbres/io/safetensors_header.hpp>
 #include <rbres/io/utf8.hpp>
 
@@ -28,10 +28,19 @@ namespace rbres::RBRES_ABI {
 
 namespace detail {
 
-inline std::string shape_text(const std::vector<Eigen::Index>& shape) {
+[[gnu::cold]] inline std::string shape_text(const std::vector<Eigen::Index>& shape,
+                                            std::string_view between = ", ") {
   std::string out = "[";
-  for (const Eigen::Index extent : shape) out += text(out.size() > 1 ? ", " : "", extent);
+  for (const Eigen::Index extent : shape) out += text(out.size() > 1 ? between : "", extent);
   return out + "]";
+}
+
+/// A JSON object of values that are JSON themselves.
+[[gnu::cold]] inline std::string json_object(const Metadata& members) {
+  std::string out = "{";
+  for (const auto& [name, value] : members)
+    out += text(out.size() > 1 ? "," : "", json_string(name), ':', value);
+  return out + "}";
 }
 
 template <class Scalar>
@@ -137,16 +146,20 @@ class SafetensorsWriter {
       const std::size_t first = a->second.number_bytes, second = b->second.number_bytes;
       return first != second ? first > second : a->first < b->first;
     });
-    nlohmann::json header = nlohmann::json::object();
-    if (!all.empty()) header["__metadata__"] = all;
+    Metadata header;  // members as JSON, in the order of their names
+    if (!all.empty()) {
+      for (auto& entry : all) entry.second = detail::json_string(entry.second);
+      header["__metadata__"] = detail::json_object(all);
+    }
     std::size_t end = 0;
     for (const auto* entry : in_order) {
       const auto& [name, tensor] = *entry;
       const std::size_t begin = std::exchange(end, end + tensor.size * tensor.number_bytes);
-      header[name] = {{"dtype", tensor.dtype}, {"shape", tensor.shape}, {"data_offsets", {begin, end}}};
+      header[name] = detail::text(R"({"data_offsets":[)", begin, ',', end, R"(],"dtype":")", tensor.dtype,
+                                  R"(","shape":)", detail::shape_text(tensor.shape, ","), '}');
     }
-    if (!detail::is_utf8(header)) detail::refuse(path, "names and metadata in UTF-8", "bytes that are not");
-    std::string json = header.dump();
+    std::string json = detail::json_object(header);
+    if (!detail::is_utf8(json)) detail::refuse(path, "names and metadata in UTF-8", "bytes that are not");
     json.resize((json.size() + 7) / 8 * 8, ' ');
     const std::uint64_t size = json.size();
     Output out{file, {}};
@@ -194,8 +207,7 @@ class SafetensorsReader {
     std::string json(static_cast<std::size_t>(size), '\0');
     file_.read(sizeof size, json.data(), json.size());
     if (!json.starts_with('{')) detail::refuse(file_.path().string(), "a safetensors file", "no { at byte 8");
-    detail::SafetensorsHeader header(file_.path(), metadata_, tensors_);
-    nlohmann::json::sax_parse(json, &header);
+    detail::SafetensorsHeader(file_.path(), json, metadata_, tensors_).read();
     detail::check_offsets(file_.path(), tensors_, file_.size() - data_);
     if (has_digest()) check_digest(std::move(json));
   }

@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <map>
-#include <set>
 #include <string>
 #include <string_view>
 #include <type_traits>
@@ -14,11 +14,11 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <nlohmann/json.hpp>
 
 #include <rbres/core/bfloat16.hpp>
 #include <rbres/core/error.hpp>
 #include <rbres/io/file.hpp>
+#include <rbres/io/json_string.hpp>
 
 namespace rbres::RBRES_ABI {
 
@@ -47,7 +47,7 @@ constexpr std::string_view safetensors_dtype() {
 }
 
 /// Bytes of one number; 0 for a type that the format does not have.
-inline std::uint64_t safetensors_dtype_size(std::string_view dtype) {
+[[gnu::cold]] inline std::uint64_t safetensors_dtype_size(std::string_view dtype) {
   for (const std::string_view one : {"BOOL", "U8", "I8", "F8_E5M2", "F8_E4M3"})
     if (dtype == one) return 1;
   for (const std::string_view two : {"I16", "U16", "F16", "BF16"})
@@ -59,132 +59,169 @@ inline std::uint64_t safetensors_dtype_size(std::string_view dtype) {
   return 0;
 }
 
-/// Receives the header's JSON as it is parsed, and accepts what the format allows and nothing else: no tree
-/// is built, so neither deep nesting nor a long list of anything else costs memory.
+/// Reads the header's JSON, and accepts what the format allows and nothing else: no tree is built, so
+/// neither deep nesting nor a long list of anything else costs memory.
 class SafetensorsHeader {
  public:
-  using json = nlohmann::json;
-
-  SafetensorsHeader(const std::filesystem::path& path, Metadata& metadata,
+  SafetensorsHeader(const std::filesystem::path& path, std::string_view json, Metadata& metadata,
                     std::map<std::string, TensorInfo>& tensors)
-      : path_(path), metadata_(metadata), tensors_(tensors) {}
+      : path_(path), json_(json), metadata_(metadata), tensors_(tensors) {}
 
-  bool start_object(std::size_t) {
-    if (place_ == Place::start) return enter(Place::names);
-    if (place_ == Place::name) return enter(key_ == "__metadata__" ? Place::metadata : Place::fields);
-    unexpected("an object");
-  }
-  bool end_object() {
-    if (place_ == Place::fields && fields_.size() != 3)
-      fail("dtype, shape and data_offsets", "a tensor that lacks one");
-    return enter(place_ == Place::names ? Place::end : Place::names);
-  }
-  bool key(std::string& key) {
-    if (place_ == Place::metadata) {
-      metadata_key_ = key;
-      if (!metadata_.try_emplace(key).second) fail("each key once", "'" + key + "' twice");
-      return enter(Place::metadata_value);
-    }
-    if (place_ == Place::fields) {
-      if (key != "dtype" && key != "shape" && key != "data_offsets")
-        fail("dtype, shape, data_offsets", "'" + key + "'");
-      if (!fields_.insert(key).second) fail("each key once", "'" + key + "' twice");
-      return enter(key == "dtype" ? Place::dtype : key == "shape" ? Place::shape : Place::offsets);
-    }
-    const bool is_new =
-        key == "__metadata__" ? !std::exchange(has_metadata_, true) : tensors_.try_emplace(key).second;
-    if (!is_new) fail("each key once", "'" + key + "' twice");
-    key_ = key;
-    fields_.clear();
-    return enter(Place::name);
-  }
-  bool string(std::string& value) {
-    if (place_ == Place::metadata_value) {
-      metadata_[metadata_key_] = std::move(value);
-      return enter(Place::metadata);
-    }
-    if (place_ != Place::dtype) unexpected("a string");
-    if (safetensors_dtype_size(value) == 0) fail("a dtype of the format", "'" + value + "'");
-    tensors_[key_].dtype = std::move(value);
-    return enter(Place::fields);
-  }
-  bool start_array(std::size_t) {
-    numbers_ = 0;
-    if (place_ == Place::shape) return enter(Place::extents);
-    if (place_ == Place::offsets) return enter(Place::bounds);
-    unexpected("an array");
-  }
-  bool end_array() {
-    if (place_ == Place::bounds && numbers_ != 2) fail("two data_offsets", numbers_);
-    return enter(Place::fields);
-  }
-  bool number_unsigned(json::number_unsigned_t value) {
-    TensorInfo& tensor = tensors_[key_];
-    checked_product(path_, value, 1);
-    if (place_ == Place::extents) {
-      constexpr int most = 8;
-      if (++numbers_ > most) fail("at most 8 dimensions", "more");
-      tensor.shape.push_back(static_cast<Eigen::Index>(value));
-      return true;
-    }
-    if (place_ != Place::bounds) unexpected("a number");
-    if (++numbers_ > 2) fail("two data_offsets", "more");
-    tensor.offsets[static_cast<std::size_t>(numbers_ - 1)] = value;
-    return true;
-  }
-  bool null() { unexpected("null"); }
-  bool boolean(bool) { unexpected("a boolean"); }
-  bool number_integer(json::number_integer_t) { unexpected("a negative number"); }
-  bool number_float(json::number_float_t, const std::string&) { unexpected("a fraction"); }
-  bool binary(json::binary_t&) { unexpected("binary data"); }
-  bool parse_error(std::size_t, const std::string&, const nlohmann::detail::exception& problem) {
-    fail("JSON", problem.what());
+  /// Throws Error that names the path.
+  [[gnu::cold]] void read() {
+    bool has_metadata = false;
+    members([&](const std::string& name) {
+      const bool is_metadata = name == "__metadata__";
+      if (is_metadata ? std::exchange(has_metadata, true) : tensors_.contains(name)) found_twice(name);
+      under_ = name;
+      if (is_metadata)
+        members([&](const std::string& key) {
+          if (metadata_.contains(key)) found_twice(key);
+          metadata_[key] = string();
+        });
+      else
+        read_tensor(tensors_[name]);
+    });
+    next();
+    if (at_ != json_.size()) no_json();
   }
 
  private:
-  /// What the parser has just entered or is about to read.
-  enum class Place {
-    start,
-    names,
-    name,
-    metadata,
-    metadata_value,
-    fields,
-    dtype,
-    shape,
-    extents,
-    offsets,
-    bounds,
-    end
-  };
-
-  bool enter(Place place) {
-    place_ = place;
-    return true;
+  [[gnu::cold]] void read_tensor(TensorInfo& tensor) {
+    bool has_dtype = false, has_shape = false, has_offsets = false;
+    members([&](const std::string& key) {
+      const bool is_dtype = key == "dtype", is_shape = key == "shape";
+      if (!is_dtype && !is_shape && key != "data_offsets")
+        fail("dtype, shape, data_offsets", "'" + key + "'");
+      if (std::exchange(is_dtype ? has_dtype : is_shape ? has_shape : has_offsets, true)) found_twice(key);
+      if (is_dtype) {
+        tensor.dtype = string();
+        if (safetensors_dtype_size(tensor.dtype) == 0)
+          fail("a dtype of the format", "'" + tensor.dtype + "'");
+        return;
+      }
+      std::size_t count = 0;
+      parts('[', ']', [&] {
+        const std::uint64_t value = number();
+        if (is_shape) {
+          if (++count > 8) fail("at most 8 dimensions", "more");
+          tensor.shape.push_back(static_cast<Eigen::Index>(value));
+        } else {
+          if (++count > 2) fail("two data_offsets", "more");
+          tensor.offsets[count - 1] = value;
+        }
+      });
+      if (!is_shape && count != 2) fail("two data_offsets", text(count));
+    });
+    if (!has_dtype || !has_shape || !has_offsets)
+      fail("dtype, shape and data_offsets", "a tensor that lacks one");
   }
-  template <class Found>
-  [[noreturn]] void fail(std::string_view expected, const Found& found) const {
+
+  /// The next character that is no space; '\0', which JSON has nowhere, behind the last.
+  char next() {
+    at_ = std::min(json_.find_first_not_of(" \t\r\n", at_), json_.size());
+    return at_ < json_.size() ? json_[at_] : '\0';
+  }
+  /// Calls take() where each part between brackets begins; commas stand between them.
+  template <class Take>
+  void parts(char open, char close, const Take& take) {
+    if (next() != open) unexpected();
+    ++at_;
+    if (next() == close) {
+      ++at_;
+      return;
+    }
+    for (;; ++at_) {
+      take();
+      if (next() == close) break;
+      if (next() != ',') no_json();
+    }
+    ++at_;
+  }
+  /// Calls take(key) where each value of an object begins.
+  template <class Take>
+  void members(const Take& take) {
+    parts('{', '}', [&] {
+      if (next() != '"') no_json();
+      const std::string key = string();
+      if (next() != ':') no_json();
+      ++at_;
+      take(key);
+    });
+  }
+  [[gnu::cold]] std::string string() {
+    std::string out;
+    if (next() != '"') unexpected();
+    if (!read_quoted(json_, at_, out)) no_json();
+    return out;
+  }
+  /// A number of 0 or more, which is less than 2^63.
+  [[gnu::cold]] std::uint64_t number() {
+    const char first = next();
+    if (first < '0' || first > '9') unexpected();
+    std::uint64_t value = 0;
+    const std::size_t begin = at_;
+    bool fits = true;
+    for (; at_ < json_.size() && json_[at_] >= '0' && json_[at_] <= '9'; ++at_) {
+      const auto digit = static_cast<std::uint64_t>(json_[at_] - '0');
+      fits = fits && value <= (std::numeric_limits<std::uint64_t>::max() - digit) / 10;
+      value = 10 * value + digit;
+    }
+    if (first == '0' && at_ - begin > 1) no_json();
+    const char behind = next();
+    if (!fits || behind == '.' || behind == 'e' || behind == 'E') unexpected("a fraction");
+    return checked_product(path_, value, 1);
+  }
+
+  [[noreturn, gnu::cold]] void fail(std::string_view expected, std::string_view found) const {
     refuse(path_.string() + ": safetensors header", expected, found);
   }
-  [[noreturn]] void unexpected(std::string_view found) const {
+  [[noreturn, gnu::cold]] void found_twice(const std::string& key) const {
+    fail("each key once", "'" + key + "' twice");
+  }
+  [[noreturn, gnu::cold]] void no_json() const {
+    fail("JSON", at_ < json_.size() ? text("something else at byte ", at_) : "its end");
+  }
+  [[noreturn, gnu::cold]] void unexpected(std::string_view found) const {
     fail("{name: {dtype, shape, data_offsets}, __metadata__: {name: string}}",
-         text(found, key_.empty() ? "" : " under '", key_, key_.empty() ? "" : "'"));
+         text(found, under_.empty() ? "" : " under '", under_, under_.empty() ? "" : "'"));
+  }
+  /// Refuses what begins here.
+  [[noreturn, gnu::cold]] void unexpected() {
+    switch (next()) {
+      case '{':
+        unexpected("an object");
+      case '[':
+        unexpected("an array");
+      case '"':
+        unexpected("a string");
+      case '-':
+        unexpected("a negative number");
+      case 't':
+      case 'f':
+        unexpected("a boolean");
+      case 'n':
+        unexpected("null");
+      default:
+        break;
+    }
+    if (next() >= '0' && next() <= '9') unexpected("a number");
+    no_json();
   }
 
   const std::filesystem::path& path_;
+  std::string_view json_;
   Metadata& metadata_;
   std::map<std::string, TensorInfo>& tensors_;
-  Place place_ = Place::start;
-  std::string key_, metadata_key_;
-  std::set<std::string> fields_;
-  bool has_metadata_ = false;
-  int numbers_ = 0;
+  std::size_t at_ = 0;
+  std::string under_;  ///< the name in whose value at_ is
 };
 
 /// Refuses tensors whose bytes are not what their shape says, or which overlap, leave gaps, or do not fill
 /// the data.
-inline void check_offsets(const std::filesystem::path& path, const std::map<std::string, TensorInfo>& tensors,
-                          std::uint64_t data_size) {
+[[gnu::cold]] inline void check_offsets(const std::filesystem::path& path,
+                                        const std::map<std::string, TensorInfo>& tensors,
+                                        std::uint64_t data_size) {
   std::vector<const std::pair<const std::string, TensorInfo>*> in_order;
   for (const auto& entry : tensors) in_order.push_back(&entry);
   std::sort(in_order.begin(), in_order.end(),

@@ -100,8 +100,7 @@ void write_transitions(const std::filesystem::path& path, const System<double, N
   constexpr std::ptrdiff_t lanes = detail::double_lanes;
   options.check();
   if (!(options.duration > 0)) detail::refuse("duration of transitions", "more than 0 s", options.duration);
-  if (!detail::is_utf8(detail::Json(set.starts)))
-    detail::refuse("what draws the starts", "UTF-8", "something else");
+  if (!detail::is_utf8(set.starts)) detail::refuse("what draws the starts", "UTF-8", "something else");
   if (count < 1) detail::refuse("number of transitions", "1 or more", count);
   if (set.piece < 1) detail::refuse("transitions of a piece", "1 or more", set.piece);
   const auto make = [&](std::ptrdiff_t first, std::ptrdiff_t size) {

@@ -61,10 +61,12 @@ struct WeightLayout {
     return static_cast<std::size_t>(place);
   }
 };
+/// Whether weights are of half the size of what is computed with them.
+template <class W>
+inline constexpr bool is_half = sizeof(W) * lanes<W> < 64;
 template <class W>
 constexpr WeightLayout weight_layout(int rows, int columns) noexcept {
-  constexpr bool is_half = sizeof(W) * lanes<W> < 64;
-  return {columns, lanes<W>, is_half ? padded<W>(rows) / (2 * lanes<W>)*2 * lanes<W> : 0};
+  return {columns, lanes<W>, is_half<W> ? padded<W>(rows) / (2 * lanes<W>)*2 * lanes<W> : 0};
 }
 
 /// A left factor a(r, k) at data[r * Row + k / lanes * panel + k % lanes * Step].
@@ -249,8 +251,10 @@ template <class T, class W, class Finish>
                                                 const Finish& finish) {
   const WeightLayout layout = weight_layout<W>(out, in);
   int lane = 0;
-  for (; lane < layout.double_rows; lane += 2 * lanes<W>)
-    multiply_panel<2 * lanes<W>>(lane, in, weights + layout.index(lane, 0), x, finish);
+  if constexpr (is_half<W>) {
+    for (; lane < layout.double_rows; lane += 2 * lanes<W>)
+      multiply_panel<2 * lanes<W>>(lane, in, weights + layout.index(lane, 0), x, finish);
+  }
   for (; lane < out; lane += lanes<W>)
     multiply_panel<lanes<W>>(lane, in, weights + layout.index(lane, 0), x, finish);
 }

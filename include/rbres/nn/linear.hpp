@@ -34,13 +34,25 @@ template <class Chain, bool HasSkip, bool Recorded, class T, class W>
     if constexpr (HasSkip) z += load(skip.at(lane, c));
     store(out.at(lane, c), z);
   };
-  // In training the order of sums must not depend on how a batch is split.
-  if (!Recorded && in.columns == 1) return multiply_row<T>(outputs, inputs, weights, in.data, finish);
   const Groups<T> groups(padded<T>(outputs));
   const WeightLayout layout = weight_layout<W>(outputs, inputs);
   for (int g = 0; g < groups.count; ++g)
     groups.multiply(g, count, inputs, columns_as_rows<T>({in.data, in.columns}),
                     weights_as_columns(weights, layout, groups.first_lane(g)), finish);
+}
+
+/// The same for one sample in sequence, at inference: in a function of its own, so that a program that
+/// predicts one by one does not compile the above.
+template <class Chain, bool HasSkip, class T, class W>
+[[gnu::noinline]] void linear_one(int inputs, int outputs, const W* weights, const T* in, const T* skip,
+                                  T* out) noexcept {
+  const W* bias = weights + std::ptrdiff_t{padded<T>(outputs)} * inputs;
+  const auto finish = [=](int, int lane, Simd<T> z) __attribute__((always_inline)) {
+    z = Chain::value(z + load(bias + lane), constant<Simd<T>>(1));
+    if constexpr (HasSkip) z += load(skip + lane);
+    store(out + lane, z);
+  };
+  multiply_row<T>(outputs, inputs, weights, in, finish);
 }
 
 /// out = chain(in) + skip, which may be done in place.

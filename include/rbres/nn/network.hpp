@@ -34,6 +34,15 @@ struct ParameterTensor {
 
 namespace detail {
 
+/// Adds weight and bias of a stage that is a layer of this name.
+template <class W>
+[[gnu::cold]] void append_tensors(std::vector<ParameterTensor>& all, const std::string& name,
+                                  const Stage& stage, std::size_t offset, std::size_t weight_size) {
+  const int rows = stage.outputs, columns = stage.has_linear ? stage.inputs : 1;
+  all.push_back({name + ".weight", stage.has_norm, rows, columns, offset, weight_layout<W>(rows, columns)});
+  all.push_back({name + ".bias", true, rows, 1, offset + weight_size, weight_layout<W>(rows, 1)});
+}
+
 /// The parameters of one network as those of another, which keeps them in another type, each rounded to the
 /// nearest.
 template <class From, class To>
@@ -108,12 +117,8 @@ class Network : public NetworkFunction<Network<T, Layers, W>, T, Layers, W> {
       const detail::Stage& stage = Function::Compiled::stage(s);
       if (!stage.has_linear && !stage.has_norm) continue;
       const std::string& name = names[static_cast<std::size_t>(layer++)];
-      const int rows = stage.outputs, columns = stage.has_linear ? stage.inputs : 1;
-      const std::size_t weight = Function::Passes::offset(s),
-                        bias = weight + Function::Passes::weight_size(s);
-      all.push_back(
-          {name + ".weight", stage.has_norm, rows, columns, weight, detail::weight_layout<W>(rows, columns)});
-      all.push_back({name + ".bias", true, rows, 1, bias, detail::weight_layout<W>(rows, 1)});
+      detail::append_tensors<W>(all, name, stage, Function::Passes::offset(s),
+                                Function::Passes::weight_size(s));
     }
     return all;
   }

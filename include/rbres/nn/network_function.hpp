@@ -139,7 +139,7 @@ class NetworkFunction {
     alignas(64) T slots[static_cast<std::size_t>(Passes::slots_size)];
     Output y;
     Passes::template put<input_size>(x.data(), Passes::slot(slots, 1, 0), 0);
-    Passes::forward(1, block(), slots, 1);
+    Passes::forward_one(block(), slots);
     Passes::template take<output_size>(Passes::slot(slots, 1, Compiled::stage_count), 0, y.data());
     return y;
   }
@@ -201,7 +201,10 @@ class NetworkFunction {
       const std::ptrdiff_t room = count == 1 ? 1 : chunk;
       for (int c = 0; c < count; ++c)
         Passes::template put<input_size>(inputs.col(first + c).data(), Passes::slot(slots, room, 0), c);
-      Passes::forward(count, parameters, slots, room);
+      if (count == 1)
+        Passes::forward_one(parameters, slots);
+      else
+        Passes::forward(count, parameters, slots, room);
       for (int c = 0; c < count; ++c)
         Passes::template take<output_size>(Passes::slot(slots, room, Compiled::stage_count), c,
                                            outputs.col(first + c).data());

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
+#include <type_traits>
 #include <utility>
 
 namespace rbres::RBRES_ABI {
@@ -124,6 +125,21 @@ struct Passes {
                       slot(slots, samples, s + 1), slot(slots, samples, s));
     });
   }
+  /// The same of one sample, which the buffers have room for. Sums are taken in another order.
+  template <class W>
+  static void forward_one(const W* parameters, T* slots) noexcept {
+    unrolled<C::stage_count>([&](auto s) {
+      constexpr Stage info = C::stage(s);
+      const Matrix in = slot(slots, 1, s), skip = slot(slots, 1, std::max(info.skip, 0)),
+                   out = slot(slots, 1, s + 1);
+      if constexpr (info.has_linear) {
+        linear_one<typename C::template ChainAtInference<s>, info.skip != no_stage>(
+            info.inputs, info.outputs, parameters + offset(s), in.data, skip.data, out.data);
+      } else {
+        stage<s, false>(1, parameters, in, skip, out, in);
+      }
+    });
+  }
 
   /// Fills values and slopes of samples [first, first + count) of the tape from value 0.
   template <class W>
@@ -204,7 +220,8 @@ struct Passes {
   static void stage(int count, const W* parameters, Matrix in, Matrix skip, Matrix out,
                     Matrix slope) noexcept {
     constexpr Stage info = C::stage(S);
-    using Chain = typename C::template ChainOfStage<S>;
+    using Chain = std::conditional_t<Recorded, typename C::template ChainOfStage<S>,
+                                     typename C::template ChainAtInference<S>>;
     if constexpr (info.has_linear) {
       linear<Chain, info.skip != no_stage, Recorded>(info.inputs, info.outputs, count, parameters + offset(S),
                                                      in, skip, out, slope);

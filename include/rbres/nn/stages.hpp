@@ -172,6 +172,17 @@ struct Chain {
   }
 };
 
+/// A chain at inference, where dropout does nothing: without it, so that more stages share their code.
+template <class Kept, class... Layers>
+struct AtInference {
+  using type = Kept;
+};
+template <class... Kept, class Layer, class... Rest>
+struct AtInference<Chain<Kept...>, Layer, Rest...>
+    : AtInference<std::conditional_t<is_dropout<Layer>, Chain<Kept...>, Chain<Kept..., Layer>>, Rest...> {};
+template <class... Layers>
+typename AtInference<Chain<>, Layers...>::type at_inference(Chain<Layers...>);
+
 /// The elementwise layers [First, First + sizeof...(I)) of a tuple.
 template <class All, int First, std::size_t... I>
 Chain<std::tuple_element_t<static_cast<std::size_t>(First) + I, All>...> chain_of(std::index_sequence<I...>);
@@ -236,7 +247,14 @@ struct Compiled<Sequential<Layers...>> {
   template <int S>
   using ChainOfStage = decltype(chain_of<AllElementwise, stage(S).first>(
       std::make_index_sequence<static_cast<std::size_t>(stage(S).count)>{}));
+  template <int S>
+  using ChainAtInference = decltype(at_inference(ChainOfStage<S>{}));
 };
+
+/// The name of the layer at this place of a container.
+[[gnu::cold]] inline std::string layer_name(const std::string& container, int place) {
+  return container + (container.empty() ? "" : ".") + std::to_string(place);
+}
 
 /// Names of the layers with parameters, as the equivalent nn.Sequential counts them, in the order of the
 /// stages.
@@ -253,7 +271,7 @@ void append_names(std::vector<std::string>&, const std::string&, Layer) {}
 template <template <class...> class Container, class... Layers>
 void append_names(std::vector<std::string>& names, const std::string& prefix, Container<Layers...>) {
   int position = 0;
-  (append_names(names, prefix + (prefix.empty() ? "" : ".") + std::to_string(position++), Layers{}), ...);
+  (append_names(names, layer_name(prefix, position++), Layers{}), ...);
 }
 
 }  // namespace rbres::RBRES_ABI::detail

@@ -25,14 +25,16 @@ struct Encoding {
   template <class T>
   static Input<T> encode(const SystemState<T, N>& state, const std::array<Wrench<T>, std::size_t(N)>& wrench,
                          int present) noexcept {
-    Input<T> x = Input<T>::Zero();
+    Input<T> x;
+    T* to = x.data();
     for (int b = 0; b < present; ++b) {
-      auto body = x.template segment<19>(19 * b);
-      body.template head<13>() = state[b].vector();
-      if (state[b].orientation.w < T(0)) body.template segment<4>(3) *= T(-1);
-      body.template tail<6>() =
-          Eigen::Map<const Eigen::Matrix<T, 6, 1>>(&wrench[static_cast<std::size_t>(b)].force.x);
+      const T *from = &state[b].position.x, *own = &wrench[static_cast<std::size_t>(b)].force.x;
+      const bool turned = state[b].orientation.w < T(0);
+      for (int k = 0; k < RigidState<T>::size; ++k)
+        *to++ = turned && k >= 3 && k < 7 ? T(from[k] * T(-1)) : from[k];
+      for (int k = 0; k < Wrench<T>::size; ++k) *to++ = own[k];
     }
+    for (; to != x.data() + inputs; ++to) *to = T(0);
     return x;
   }
 
@@ -55,7 +57,8 @@ struct Encoding {
   template <class T>
   static SystemState<T, N> sum(SystemState<T, N> base, const Output<T>& y, int present) noexcept {
     for (int b = 0; b < present; ++b) {
-      base[b].vector() += y.template segment<13>(13 * b);
+      T* number = &base[b].position.x;
+      for (int k = 0; k < RigidState<T>::size; ++k) number[k] += y[RigidState<T>::size * b + k];
       const T length2 = squared_norm(base[b].orientation);
       base[b].orientation = length2 > T(1e-12) ? normalized(base[b].orientation) : Quat<T>{};
     }

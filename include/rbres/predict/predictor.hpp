@@ -108,7 +108,7 @@ class Predictor {
   typename Net::Input encode(const State& state, const Wrenches& wrench, int present) const noexcept {
     const int some = std::clamp(present, 0, N);
     typename Net::Input x = input.normalize(Code::encode(state, wrench, some).template cast<Scalar>());
-    x.tail(19 * (N - some)).setZero();
+    std::fill(x.data() + Code::inputs / N * some, x.data() + Code::inputs, Scalar(0));
     return x;
   }
 
