@@ -115,8 +115,7 @@ void run(const Options& options) {
   const TrajectorySet train = read_training_scenes(folder / "train", options.scenes);
   const Parts parts(train);
   const TrajectorySet &fit = parts.fit, &choose = parts.choose;
-  detail::naming([&] { return (folder / "train").string() + ", "; },
-                 [&] { return untrained_law<Law>(fit, options.seed); });
+  detail::naming([&] { return (folder / "train").string() + ", "; }, [&] { return untrained_law<Law>(fit); });
 
   // Its scenes are read after training; that it does not fit is said before.
   const double frame_time = read_frame_time(folder / "test");

@@ -62,7 +62,7 @@ TEST_CASE("a learned law is much better than none on scenes that it has not seen
   CHECK(std::ranges::is_sorted(shares));
   CHECK(shares.back() == doctest::Approx(1));
   CHECK(law.scales.frame_time == 0.01);
-  const double untrained = cost(untrained_law<Law>(train, 5), test);
+  const double untrained = cost(untrained_law<Law>(train, {.seed = 5}), test);
   CHECK(cost(law, test) < 0.5 * untrained);
 
   SUBCASE("and has the same bits for any number of threads") {
@@ -82,9 +82,12 @@ TEST_CASE("a learned law is much better than none on scenes that it has not seen
 
 TEST_CASE("an untrained law has no contacts, and knows the scales of its world") {
   const auto set = drops(4, 1);
-  const Law law = untrained_law<Law>(set, 1);
+  const Law law = untrained_law<Law>(set, {.seed = 1});
   CHECK(law.scales.speed > 0.3);
   CHECK(law.scales.speed < 5);
+  CHECK(law.scales.margin == doctest::Approx(0.2 * law.scales.gap()));
+  const Law wide = untrained_law<Law>(set, {.margin = 0.6, .seed = 1});
+  CHECK(wide.scales.margin == doctest::Approx(0.6 * wide.scales.gap()));
   const System<double, 2> system({set[0].body(0), set[0].body(1)}, set.planes());
   long touching = 0;
   for (int t = 0; t < set[0].frames(); ++t) {
@@ -101,6 +104,8 @@ TEST_CASE("learning that makes no sense is refused") {
   CHECK_THROWS_AS(learn_contacts<Law>(set, set, {.stages = {}}), Error);
   CHECK_THROWS_AS(learn_contacts<Law>(set, set, {.stages = {{1, 1, 0, 8}}}), Error);
   CHECK_THROWS_AS(learn_contacts<Law>(set, set, {.learning_rate = 0}), Error);
+  for (const double margin : {0.0, -1.0, std::nan("")})
+    CHECK_THROWS_AS(learn_contacts<Law>(set, set, {.margin = margin}), Error);
   const std::vector<Body<double>> one{{Sphere{0.1}, 1.0}};
   const TrajectorySet apart(0.01, {}, {}, {{one, std::vector<RigidState<double>>(3)}});
   CHECK_THROWS_WITH_AS(learn_contacts<Law>(apart, apart),

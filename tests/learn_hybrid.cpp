@@ -55,7 +55,7 @@ TrajectorySet drops(int scenes, int frames) {
 
 TEST_CASE("before training a hybrid is the analytic law, and so is one of weight 0") {
   const TrajectorySet set = drops(3, 30);
-  auto untrained = untrained_law<Law>(set, 1), weightless = law_of_some_moment<Law>(1, 0.05);
+  auto untrained = untrained_law<Law>(set, {.seed = 1}), weightless = law_of_some_moment<Law>(1, 0.05);
   weightless.weight = 0;
   for (const Law* law : {&untrained, &weightless}) {
     for (const Trajectory& scene : set) {

@@ -130,6 +130,20 @@ TEST_CASE("velocities that are the mean over a frame") {
   const Vec3<double> before = state[0].position;
   simulator(state);
   CHECK(norm(state[0].position - before - frame_time * state[0].velocity) < 1e-15);
+
+  // However many steps a frame has, they are means over frames: free flight is the same.
+  const std::vector<Body<double>> ball{{Sphere{0.1}, 1.0}};
+  SceneState in_one{{RigidState<double>{}}};
+  in_one[0].velocity = {1, 0, 3};
+  const TrajectorySet flight(frame_time, nominal_gravity, {}, {{ball, {in_one[0], in_one[0]}}});
+  SceneSimulator one(flight, flight[0], {}, {.velocity = SceneStep::Velocity::mean});
+  for (const int steps : {2, 5}) {
+    SceneSimulator several(flight, flight[0], {}, {steps, SceneStep::Velocity::mean});
+    SceneState a = in_one, b = in_one;
+    for (int t = 0; t < 20; ++t) one(a), several(b);
+    CHECK(norm(a[0].position - b[0].position) < 1e-12);
+    CHECK(norm(a[0].velocity - b[0].velocity) < 1e-12);
+  }
 }
 
 TEST_CASE("tosses give back the world that they were made in") {

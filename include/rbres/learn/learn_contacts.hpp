@@ -31,6 +31,9 @@ struct ContactLearning {
   RolloutLoss loss{};
   /// When in a frame the law looks at contacts.
   ContactMoment moment = ContactMoment::halfway;
+  /// Contacts whose gap is smaller take part, in ways of a frame (ContactScales::gap()). More than the errors
+  /// of measured poses: what touches may seem not to.
+  double margin = 0.2;
   /// What the velocities of the trajectories are. A law learned from means takes SemiImplicitEuler where it
   /// is used, else Rk4.
   SceneStep::Velocity velocity = SceneStep::Velocity::instant;
@@ -46,6 +49,7 @@ struct ContactLearning {
         if (number < 1) detail::refuse("ContactLearning::stages", "numbers of at least 1", number);
     if (!(learning_rate > 0) || !is_finite(learning_rate))
       detail::refuse("ContactLearning::learning_rate", "above 0", learning_rate);
+    if (!(margin > 0) || !is_finite(margin)) detail::refuse("ContactLearning::margin", "above 0", margin);
   }
 };
 
@@ -100,13 +104,13 @@ void each_contact_frame(const TrajectorySet& set, const ContactScales& scales, c
 }  // namespace detail
 
 /// A law that knows the set's frame time, speeds and lengths, but nothing of its contacts: all its impulses
-/// are zero. Throws Error where no bodies of the set touch.
+/// are zero. Of `options` it takes the seed, and where a law looks at contacts. Throws Error where no bodies
+/// of the set touch.
 template <class Law>
-Law untrained_law(const TrajectorySet& set, std::uint64_t seed,
-                  ContactMoment moment = ContactMoment::halfway) {
+Law untrained_law(const TrajectorySet& set, const ContactLearning& options = {}) {
   Law law;
-  law.scales.moment = moment;
-  law.network = typename Law::Network(seed);
+  law.scales.moment = options.moment;
+  law.network = typename Law::Network(options.seed);
   // The decoder's last layer starts at zero: without contacts learned there is free flight.
   const auto tensors = Law::Network::tensors();
   for (std::size_t k = tensors.size() - 2; k < tensors.size(); ++k)
@@ -121,7 +125,7 @@ Law untrained_law(const TrajectorySet& set, std::uint64_t seed,
       for (const auto& body : scene.frame(t)) squares += squared_norm(body.velocity), ++count;
   const auto set_speed = [&] {
     law.scales.speed = std::sqrt(squares / static_cast<double>(std::max(count, 1L)));
-    law.scales.margin = 0.2 * law.scales.gap();
+    law.scales.margin = options.margin * law.scales.gap();
   };
   set_speed();
   squares = 0, count = 0;
@@ -156,7 +160,7 @@ class ContactTraining {
                   const ContactLearning& options = {})
       : options_(options), train_(&train), validation_(&validation) {
     options_.check();
-    law_ = untrained_law<Law>(train, options_.seed, options_.moment);
+    law_ = untrained_law<Law>(train, options_);
     double work = 0;
     for (const auto& stage : options_.stages) {
       const auto windows =

@@ -111,14 +111,26 @@ class SceneSimulator {
   /// One frame on. Allocates nothing. A template, so that only programs that call it compile the contacts.
   template <std::same_as<SceneState> State>
   void operator()(State& state) {
+    // The mean over the last step of a frame is ahead of that over the whole frame by what gravity adds.
+    const Vec3<double> ahead = step_.velocity == SceneStep::Velocity::mean
+                                   ? (0.5 * h_ * (step_.steps - 1)) * forces_.gravity.g
+                                   : Vec3<double>{};
+    add_velocity(state, ahead);
     for (int k = 0; k < step_.steps; ++k) {
       before_ = state;
       detail::fly_on(step_.velocity, system_, forces_, state, h_);
       contacts_.resolve(before_, state, h_, SimulationOptions{}.rest_speed, tally_);
     }
+    add_velocity(state, -ahead);
   }
 
  private:
+  void add_velocity(SceneState& state, const Vec3<double>& change) const {
+    if (step_.steps == 1) return;
+    for (int i = 0; i < system_.size(); ++i)
+      if (!system_[i].is_kinematic()) state[i].velocity += change;
+  }
+
   SceneSystem system_;
   SceneForces forces_;
   SceneStep step_;
