@@ -116,8 +116,8 @@ class Body {
   /// Shape's axes to body frame.
   const Quat<S>& shape_rotation() const { return shape_rotation_; }
   /// Where the origin of the frame stands in which the shape's points were given, body frame, m: zero, but
-  /// for a ConvexHull and a Compound. A point p of that frame is shape_origin() + rotate(shape_rotation(), p) in the body
-  /// frame.
+  /// for a ConvexHull and a Compound. A point p of that frame is shape_origin() + rotate(shape_rotation(), p)
+  /// in the body frame.
   Vec3<S> shape_origin() const {
     return detail::with_shape(shape_, [&](const auto& s) {
       if constexpr (requires { s.centre_of_mass(); }) {
