@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <rbres/contact/contact_memory.hpp>
 #include <rbres/contact/islands.hpp>
 #include <rbres/contact/pair_search.hpp>
@@ -58,8 +59,14 @@ class SleepingIslands {
         if (!same) data_.lies_down[index(i)] = false;
         if (has(i) && !(same && free[i] == data_.resting_free[i])) wake(i);
       }
-      for (const Support& s : data_.supports) {
-        if (!(y[s.kinematic] == data_.base[s.kinematic])) wake(s.body);
+      for (std::size_t k = 0; k < data_.supports.size();) {
+        const auto [kinematic, body] = data_.supports[k];
+        if (y[kinematic] == data_.base[kinematic]) {
+          ++k;
+        } else {
+          wake(body);  // which takes its supports off the list
+          k = 0;
+        }
       }
     }
   }
@@ -135,10 +142,7 @@ class SleepingIslands {
       bool slept = false;
       data_.drowsy = false;
       for (std::size_t k = 0; k < islands.count(); ++k) slept |= end_step_of(islands[k], y, seconds);
-      if (slept) {
-        memory.lay_by([&](int i) { return has(i); });
-        remove_where(data_.supports, [&](const Support& s) { return !has(s.body); });
-      }
+      if (slept) memory.lay_by([&](int i) { return has(i); });
     }
   }
 
@@ -186,6 +190,10 @@ class SleepingIslands {
   bool is_still(int i, const State& y) const {
     return (*system_)[i].is_kinematic() && y[i].velocity == Vec3<S>{} && y[i].angular_velocity == Vec3<S>{};
   }
+  /// The kinematic body of a pair that has one.
+  static int kinematic_of(const Candidate& who, const Candidate& moved) {
+    return moved.second == who.first ? who.second : who.first;
+  }
   void wake(int body) {
     const int island = data_.island[index(body)];
     if (island < 0) return;
@@ -195,6 +203,7 @@ class SleepingIslands {
       data_.quiet[index(i)] = S(0);
       --data_.sleepers;
     }
+    remove_where(data_.supports, [&](const Support& s) { return !has(s.body); });
   }
   /// Whether the awake body of a pair may touch the other within `time`.
   template <class Ways>
@@ -206,6 +215,15 @@ class SleepingIslands {
     return !(contact.separation > ways[index(awake)] + turn + pair.near);
   }
 
+  /// Whether a body that has lain down is where it was, but for `little` (m) and rounding: an overlap may
+  /// open without a velocity.
+  bool stays(int i, const State& y, const S& size, const S& little) const {
+    const RigidState<S>& from = data_.base[i];
+    const Quat<S>&p = from.orientation, &q = y[i].orientation;
+    const S turn = norm(Vec3<S>{q.x - p.x, q.y - p.y, q.z - p.z}) + std::abs(q.w - p.w);
+    const S rounding = S(16) * S(Constants<S>::epsilon) * (size + norm(from.position));
+    return norm(y[i].position - from.position) + S(2) * size * turn <= little + rounding;
+  }
   /// The same for one island of resting pairs. True where it falls asleep.
   bool end_step_of(std::span<const std::size_t> island, State& y, const S& seconds) {
     bool quiet = true, lay = true;
@@ -217,24 +235,19 @@ class SleepingIslands {
     };
     each([&](int i) {
       const S size = (*system_)[i].bounding_radius(), scale = speed_scale(size);
-      const S speed = norm(y[i].velocity) + size * norm(y[i].angular_velocity);
-      const bool rounding = speed <= S(8) * as<S>(Constants<S>::solved) * scale;
+      const S still = S(8) * as<S>(Constants<S>::solved) * scale;
+      const bool rounding = norm(y[i].velocity) + size * norm(y[i].angular_velocity) <= still;
       S& time = data_.quiet[index(i)];
       if (!data_.counted[index(i)]) time = rounding ? time + seconds : S(0);
       data_.counted[index(i)] = true;
-      lay = lay && rounding && data_.lies_down[index(i)];
+      lay = lay && rounding && data_.lies_down[index(i)] && stays(i, y, size, still * seconds);
       // The time of a fall as deep as the body is large: a body that speeds up is faster then.
       quiet = quiet && time >= as<S>(0.1) * scale;
     });
     for (const std::size_t k : island) {
       const Rest& rest = data_.rests[k];
       if (rest.moved.first < 0 && rest.who.first >= 0) {
-        const int kinematic = rest.moved.second == rest.who.first ? rest.who.second : rest.who.first;
-        if (!is_still(kinematic, y)) return false;
-        if (lay) {
-          data_.base[kinematic] = y[kinematic];
-          data_.supports.push_back({kinematic, rest.moved.second});
-        }
+        if (!is_still(kinematic_of(rest.who, rest.moved), y)) return false;
       }
     }
     if (!quiet) return false;
@@ -253,7 +266,15 @@ class SleepingIslands {
       }
     });
     data_.drowsy |= !lay;
-    return lay;
+    if (!lay) return false;
+    for (const std::size_t k : island) {
+      const auto& [who, moved] = data_.rests[k];
+      if (moved.first >= 0 || who.first < 0) continue;
+      const int kinematic = kinematic_of(who, moved);
+      data_.base[kinematic] = y[kinematic];
+      data_.supports.push_back({kinematic, moved.second});
+    }
+    return true;
   }
 
   const System* system_;
