@@ -200,3 +200,57 @@ TEST_CASE("in a crowd one island wakes, and the others sleep on") {
   CHECK(y[1].position.x > 0.03);
   for (int i = 2; i < 40; ++i) CHECK(y[i] == before[i]);
 }
+
+TEST_CASE("a kinematic body that the program puts into a sleeping one pushes it out") {
+  using World = System<double, 2, Box<double>>;
+  const World system{
+      {Body<double, Box<double>>::kinematic(Box{0.1, 0.1, 0.1}, rough), Body(Box{0.1, 0.1, 0.1}, 1.0, rough)},
+      {floor_plane(rough)}};
+  const auto pushed = [&](const auto& forces) {
+    SystemState<double, 2> y;
+    y[0].position = {-1, 0, 0.3};
+    y[1].position = {0, 0, 0.1};
+    Stepper<World, std::decay_t<decltype(forces)>, Rk4> stepper(system, forces, Rk4{}, {.step = step});
+    for (int k = 0; k < 500; ++k) {
+      if (k >= 300) y[0].position = {-0.21 + 5e-4 * (k - 300), 0, 0.1};
+      stepper.step(y, k * step, step);
+    }
+    return y[1].position.x;
+  };
+  const auto awake = [](const World& bodies, const SystemState<double, 2>&, double,
+                        std::span<Wrench<double>> wrenches) {
+    for (int i = 0; i < 2; ++i)
+      wrenches[static_cast<std::size_t>(i)].force = {0, 0, -9.81 * bodies[i].mass()};
+  };
+  const double x = pushed(Gravity{});
+  CHECK(x > 0.02);
+  CHECK(std::abs(x - pushed(awake)) < 1e-6);
+}
+
+TEST_CASE("a body that begins to turn does not pass through a sleeping one") {
+  using World = System<double, 2, AnyShape<double>>;
+  const auto turn = [](const Body<double>& body, const RigidState<double>&, int i, double t) {
+    const bool turns = i == 1 && t >= 1;
+    return Wrench<double>{{0, 0, i == 0 ? -9.81 * body.mass() : 0.0}, {0, 0, turns ? 300.0 : 0.0}};
+  };
+  const World system{
+      {Body<double>(Sphere{0.005}, 0.01, rough), Body<double>(Box{1.0, 0.003, 0.003}, 0.1, rough)},
+      {floor_plane(rough)}};
+  SystemState<double, 2> y;
+  y[0].position = {0.9, 0.009, 0.005};
+  y[1].position = {0, 0, 0.006};
+  Stepper<World, decltype(turn), Rk4> stepper(system, turn, Rk4{}, {.step = step});
+  for (int k = 0; k < 505; ++k) stepper.step(y, k * step, step);
+  CHECK(y[0].position.y > 0.02);
+}
+
+TEST_CASE("a push that sets in at any step about falling asleep moves a body") {
+  for (int from = 60; from < 160; ++from) {
+    long calls = 0;
+    const Boxes system = boxes();
+    Stepper<Boxes, Push, Rk4> stepper(system, Push{&calls, from * step, 8}, Rk4{}, {.step = step});
+    SystemState<double, 4> y = at_rest();
+    for (int k = 0; k < from + 50; ++k) stepper.step(y, k * step, step);
+    CHECK(y[3].position.x > 2.01);
+  }
+}

@@ -68,6 +68,11 @@ class SleepingIslands {
           k = 0;
         }
       }
+      for (int i = 0; i < system_->size(); ++i) {
+        if (!(*system_)[i].is_kinematic()) continue;
+        data_.moved[index(i)] = !(y[i] == data_.base[i]);
+        data_.base[i] = y[i];
+      }
     }
   }
   /// The step's rests are collected anew.
@@ -85,10 +90,11 @@ class SleepingIslands {
     }
   }
 
-  /// Takes pairs of sleeping bodies out of those that may touch within `time` s from y, on these `ways` (m).
-  /// False, with its island awake, where a body comes near one: then the pairs are to be found again.
+  /// Takes pairs of sleeping bodies out of those that may touch within `time` s from y, on these `ways` (m)
+  /// to `free`. False, with its island awake, where a body comes near one: then the pairs are to be found
+  /// again.
   template <class Ways>
-  bool sift(const State& y, const Ways& ways, const S& time, Pairs& pairs) {
+  bool sift(const State& y, const State& free, const Ways& ways, const S& time, Pairs& pairs) {
     if constexpr (possible) {
       if (data_.sleepers == 0) return true;
       bool as_they_were = true;
@@ -99,7 +105,7 @@ class SleepingIslands {
         if (first || second) {
           const bool both =
               who.first < 0 || (first || is_still(who.first, y)) == (second || is_still(who.second, y));
-          if (!both && comes_near(pairs[k], first ? who.second : who.first, y, ways, time)) {
+          if (!both && comes_near(pairs[k], first ? who.second : who.first, y, free, ways, time)) {
             wake(first ? who.first : who.second);
             as_they_were = false;
           }
@@ -128,25 +134,35 @@ class SleepingIslands {
   /// velocities that are rounding. `memory` lays their forces by.
   void end_step(State& y, const S& seconds, ContactMemory<System>& memory) {
     if constexpr (possible) {
-      if (data_.rests.empty()) return;
-      auto& islands = data_.islands;
-      islands.clear();
-      for (std::size_t k = 0; k < data_.rests.size(); ++k) {
-        const Rest& rest = data_.rests[k];
-        islands.add(k, rest.moved.first, rest.moved.second);
-        for (const int i : {rest.moved.first, rest.moved.second}) {
-          if (i >= 0) data_.counted[index(i)] = false;
-        }
-      }
-      islands.group(false);
-      bool slept = false;
+      const bool was_drowsy = data_.drowsy;
       data_.drowsy = false;
-      for (std::size_t k = 0; k < islands.count(); ++k) slept |= end_step_of(islands[k], y, seconds);
-      if (slept) memory.lay_by([&](int i) { return has(i); });
+      if (!data_.rests.empty()) find_sleepers(y, seconds, memory);
+      if (!was_drowsy) return;
+      for (int i = 0; i < system_->size(); ++i) {
+        bool& lies = data_.lies_down[index(i)];
+        lies = lies && y[i] == data_.base[i];
+        data_.drowsy |= lies;
+      }
     }
   }
 
  private:
+  /// Puts the islands to sleep, or has them lie down, that have been quiet for long enough.
+  void find_sleepers(State& y, const S& seconds, ContactMemory<System>& memory) {
+    auto& islands = data_.islands;
+    islands.clear();
+    for (std::size_t k = 0; k < data_.rests.size(); ++k) {
+      const Rest& rest = data_.rests[k];
+      islands.add(k, rest.moved.first, rest.moved.second);
+      for (const int i : {rest.moved.first, rest.moved.second}) {
+        if (i >= 0) data_.counted[index(i)] = false;
+      }
+    }
+    islands.group(false);
+    bool slept = false;
+    for (std::size_t k = 0; k < islands.count(); ++k) slept |= end_step_of(islands[k], y, seconds);
+    if (slept) memory.lay_by([&](int i) { return has(i); });
+  }
   struct Rest {
     Candidate who, moved;
   };
@@ -159,6 +175,7 @@ class SleepingIslands {
         : island(per_body<int>(system)),
           lies_down(per_body<bool>(system)),
           counted(lies_down),
+          moved(lies_down),
           quiet(per_body<S>(system)),
           base(state_of(system)),
           free(base),
@@ -166,6 +183,7 @@ class SleepingIslands {
           islands(system) {
       island.fill(-1);
       lies_down.fill(false);
+      moved.fill(false);
       quiet.fill(S(0));
       rests.reserve(most_part_pairs(system));
       supports.reserve(most_part_pairs(system));
@@ -173,6 +191,7 @@ class SleepingIslands {
     PerBody<int, System::bodies> island;      ///< the number of one of its bodies; -1: awake
     PerBody<bool, System::bodies> lies_down;  ///< whether it sleeps after one step more without a change
     PerBody<bool, System::bodies> counted;    ///< in this step
+    PerBody<bool, System::bodies> moved;      ///< kinematic bodies, since the last step, by the program
     PerBody<S, System::bodies> quiet;         ///< for how long its velocities have been rounding, s
     State base;                               ///< where bodies sleep, and lie down
     State free, resting_free;  ///< where free flight takes them: in this step, and in which they fell asleep
@@ -188,7 +207,8 @@ class SleepingIslands {
 
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
   bool is_still(int i, const State& y) const {
-    return (*system_)[i].is_kinematic() && y[i].velocity == Vec3<S>{} && y[i].angular_velocity == Vec3<S>{};
+    return (*system_)[i].is_kinematic() && !data_.moved[index(i)] && y[i].velocity == Vec3<S>{} &&
+           y[i].angular_velocity == Vec3<S>{};
   }
   /// The kinematic body of a pair that has one.
   static int kinematic_of(const Candidate& who, const Candidate& moved) {
@@ -207,12 +227,14 @@ class SleepingIslands {
   }
   /// Whether the awake body of a pair may touch the other within `time`.
   template <class Ways>
-  bool comes_near(const ContactPair<System>& pair, int awake, const State& y, const Ways& ways,
-                  const S& time) const {
+  bool comes_near(const ContactPair<System>& pair, int awake, const State& y, const State& free,
+                  const Ways& ways, const S& time) const {
     typename ContactPair<System>::Contact contact;
     pair.find(*system_, y, contact);
-    const S turn = time * norm(y[awake].angular_velocity) * (*system_)[awake].bounding_radius();
-    return !(contact.separation > ways[index(awake)] + turn + pair.near);
+    const Vec3<S>&w = y[awake].angular_velocity, &end = free[awake].angular_velocity;
+    const S turn = time * (maximum(norm(w), norm(end)) + as<S>(0.5) * norm(end - w));
+    const S way = ways[index(awake)] + turn * (*system_)[awake].bounding_radius();
+    return !(contact.separation > way + pair.near);
   }
 
   /// Whether a body that has lain down is where it was, but for `little` (m) and rounding: an overlap may

@@ -145,7 +145,7 @@ class StepParts {
       running = running & !faulty;
       if (!hold(ways)) return left;
       Pairs& pairs = search_.find(bodies_, y, running);
-      if (!sleeping_.sift(y, ways, ahead, pairs)) continue;
+      if (!sleeping_.sift(y, free_, ways, ahead, pairs)) continue;
       if (pairs.empty()) {
         replace(running, free_, y);
         left = select(running, S(left - ahead), left);
