@@ -7,6 +7,13 @@
 
 namespace rbres::RBRES_ABI::detail {
 
+/// By how much a body may turn on its way from `from` to `to`, `time` seconds later, rad.
+template <class S>
+S turn_of(const RigidState<S>& from, const RigidState<S>& to, const S& time) {
+  const Vec3<S>&w = from.angular_velocity, &end = to.angular_velocity;
+  return time * (maximum(norm(w), norm(end)) + as<S>(0.5) * norm(end - w));
+}
+
 /// Finds the pairs that may touch over a part of a step: those whose bounding balls, grown by the ways that
 /// their bodies may go, overlap.
 template <class System>
@@ -92,9 +99,7 @@ class PairSearch {
   S way_of(int i, const RigidState<S>& from, const RigidState<S>& to, const S& time) const {
     const S way = norm(to.position - from.position) + as<S>(0.5) * time * norm(to.velocity - from.velocity);
     if constexpr (compound) {
-      const Vec3<S>&w = from.angular_velocity, &end = to.angular_velocity;
-      const S turn = time * (maximum(norm(w), norm(end)) + as<S>(0.5) * norm(end - w));
-      return way + (*system_)[i].shape().lever() * minimum(turn, as<S>(2));
+      return way + (*system_)[i].shape().lever() * minimum(turn_of(from, to, time), as<S>(2));
     } else {
       return way;
     }

@@ -104,7 +104,7 @@ class SleepingIslands {
         const bool first = who.first >= 0 && has(who.first), second = has(who.second);
         if (first || second) {
           const bool both =
-              who.first < 0 || (first || is_still(who.first, y)) == (second || is_still(who.second, y));
+              who.first < 0 || ((first || is_still(who.first, y)) && (second || is_still(who.second, y)));
           if (!both && comes_near(pairs[k], first ? who.second : who.first, y, free, ways, time)) {
             wake(first ? who.first : who.second);
             as_they_were = false;
@@ -231,9 +231,8 @@ class SleepingIslands {
                   const Ways& ways, const S& time) const {
     typename ContactPair<System>::Contact contact;
     pair.find(*system_, y, contact);
-    const Vec3<S>&w = y[awake].angular_velocity, &end = free[awake].angular_velocity;
-    const S turn = time * (maximum(norm(w), norm(end)) + as<S>(0.5) * norm(end - w));
-    const S way = ways[index(awake)] + turn * (*system_)[awake].bounding_radius();
+    const S way =
+        ways[index(awake)] + turn_of(y[awake], free[awake], time) * (*system_)[awake].bounding_radius();
     return !(contact.separation > way + pair.near);
   }
 
