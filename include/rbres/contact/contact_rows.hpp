@@ -6,6 +6,8 @@
 #include <rbres/contact/coupled_newton.hpp>
 #include <rbres/contact/island_newton.hpp>
 #include <rbres/contact/pair_newton.hpp>
+#include <rbres/contact/sweep.hpp>
+#include <rbres/contact/swept_points.hpp>
 #include <rbres/core/reserved.hpp>
 
 namespace rbres::RBRES_ABI::detail {
@@ -32,6 +34,7 @@ class ContactRows {
   explicit ContactRows(const System& system)
       : coupled_(system, rows_of(system)),
         newton_(system, rows_of(system)),
+        swept_(system, rows_of(system)),
         used_(per_body<MaskOf<S>>(system)) {
     rows_.reserve(rows_of(system));
   }
@@ -105,25 +108,21 @@ class ContactRows {
   /// The same, coarser and faster, for what lasts no longer than the step. It starts with friction, from the
   /// forces of the part before.
   void solve_within_step(Motions& motion, const MaskOf<S>& where) {
-    constexpr int few = 12, some = 20;
-    const S tolerance = as<S>(1000.0) * tolerance_;
-    if (all(pairs_apart())) return solve(motion, where, true, tolerance);
-    MaskOf<S> open = sweep(motion, where, true, tolerance, few);
-    if (any(open)) open = coupled_.solve(*this, motion, open, true, tolerance, as<S>(2.0) * tolerance);
-    if (!any(open) || newton_.solve(*this, motion, open, true, tolerance)) return;
-    sweep(motion, open, true, as<S>(2.0) * tolerance, some);
+    constexpr int some = 16;
+    if (all(pairs_apart())) return solve(motion, where);
+    sweep(motion, where, true, as<S>(1e4) * tolerance_, some);
   }
   /// Coarser still, where forces that are found next take up what is left.
   void sweep_within_step(Motions& motion, const MaskOf<S>& where) {
-    constexpr int some = 20;
+    constexpr int some = 8;
     sweep(motion, where, true, as<S>(1e6) * tolerance_, some);
   }
 
-  /// The same to `tolerance` (m/s), with or without friction. Newton's method settles most single pairs and
-  /// most small islands; a few sweeps others, the method of multipliers what is left; large
-  /// heaps, for which that costs too much, are swept on, to a coarser tolerance.
+  /// The same to `tolerance` (m/s), with or without friction. Newton's method solves most single pairs and
+  /// most small islands; a few sweeps others, the method of multipliers what is left. Heaps, for which that
+  /// costs too much, are swept from the forces that they had, to a coarser tolerance.
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
-    constexpr int few = 12, many = 100;
+    constexpr int few = 12, some = 48, many = 100;
     const S coarse = as<S>(2000.0) * tolerance;
     const MaskOf<S> apart = pairs_apart(), single = where & apart, joint = where & !apart;
     MaskOf<S> open(false);
@@ -132,10 +131,16 @@ class ContactRows {
         rows_[from].plane() ? start<FixedPoint>(from, motion, single, friction, tolerance)
                             : start<FreePoint>(from, motion, single, friction, tolerance);
       }
-      open = sweep(motion, single, friction, tolerance, few);
+      open = sweep_rows(motion, single, friction, tolerance, few);
     }
     if (any(joint)) {
       MaskOf<S> left = coupled_.solve(*this, motion, joint, friction, tolerance, coarse);
+      if constexpr (in_registers) {
+        if (left && !newton_.fits(*this, motion)) {
+          sweep(motion, left, friction, coarse, some);
+          return;
+        }
+      }
       // Friction comes second: what it answers before the normals agree only slows it down.
       if (any(left)) left = sweep(motion, left, false, tolerance, few);
       if (any(left) && friction) left = sweep(motion, left, true, tolerance, few);
@@ -174,45 +179,37 @@ class ContactRows {
     for (std::size_t i = from; i < end; ++i) newton.apply(i - from, rubs, at(rows_[i]), first, second);
   }
 
-  /// Sweeps to and fro over the points, each time going on along the way so far: nonlinear conjugate
-  /// gradients over projected Gauss-Seidel (Silcowitz-Hansen, Niebe, Erleben 2010), to `tolerance` (m/s).
-  /// Ends with a sweep, so that every cone holds. Returns the lanes in which laws are still off.
-  MaskOf<S> sweep(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance, int rounds) {
-    constexpr int patience = 12;
-    MaskOf<S> working = where, open(false);
-    S last_length(0), mark(std::numeric_limits<typename Constants<S>::Real>::max());
-    for (Row& row : rows_) row.way = {S(0), S(0), S(0)};
-    for (int round = 1; round <= rounds; ++round) {
-      for (Row& row : rows_) row.before = row.impulse();
-      S worst(0);
-      for (const bool back : {false, true}) {
-        for (std::size_t k = 0; k < rows_.size(); ++k) {
-          Row& row = rows_[back ? rows_.size() - 1 - k : k];
-          const MaskOf<S> active = row.active & working;
-          with_point(row, motion, [&](auto& point, auto& a, auto& b) {
-            worst = maximum(worst, friction ? point.relax(row.target, row.friction, active, a, b)
-                                            : point.relax_normal(row.target, active, a, b));
-          });
-        }
-        working = working & (worst > tolerance);
-        if (!any(working)) return open;
+  /// The rows as sweep() takes them.
+  struct RowPoints {
+    Reserved<Row, row_room<System>>& rows;
+    Motions& motion;
+
+    std::size_t size() const { return rows.size(); }
+    void start() {
+      for (Row& row : rows) row.way = {S(0), S(0), S(0)};
+    }
+    void start_round() {
+      for (Row& row : rows) row.before = row.impulse();
+    }
+    S relax(std::size_t k, bool friction, const MaskOf<S>& where) {
+      Row& row = rows[k];
+      const MaskOf<S> active = row.active & where;
+      S fault(0);
+      with_point(row, motion, [&](auto& point, auto& a, auto& b) {
+        fault = friction ? point.relax(row.target, row.friction, active, a, b)
+                         : point.relax_normal(row.target, active, a, b);
+      });
+      return fault;
+    }
+    S squared_change() const {
+      S sum(0);
+      for (const Row& row : rows) {
+        for (std::size_t d = 0; d < 3; ++d) sum += square(S(row.impulse()[d] - row.before[d]));
       }
-      // Points whose targets do not agree push against one another for ever: what is left then stays.
-      if (round % patience == 0) {
-        const MaskOf<S> better = worst < as<S>(0.8) * mark;
-        open = open | (working & !better);
-        working = working & better;
-        mark = worst;
-      }
-      if (!any(working) || round == rounds) break;
-      S length(0);
-      for (const Row& row : rows_) {
-        for (std::size_t d = 0; d < 3; ++d) length += square(S(row.impulse()[d] - row.before[d]));
-      }
-      const MaskOf<S> onward = working & (length < last_length);
-      const S share = select(onward, S(length / select(onward, last_length, S(1))), S(0));
-      last_length = length;
-      for (Row& row : rows_) {
+      return sum;
+    }
+    void go_on(const S& share) {
+      for (Row& row : rows) {
         std::array<S, 3> further;
         for (std::size_t d = 0; d < 3; ++d) {
           further[d] = share * row.way[d];
@@ -221,14 +218,37 @@ class ContactRows {
         with_point(row, motion, [&](auto& point, auto& a, auto& b) { point.add(further, a, b); });
       }
     }
-    return open | working;
+  };
+
+  /// See detail::sweep().
+  MaskOf<S> sweep(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance, int rounds) {
+    if constexpr (in_registers) {
+      swept_.take(*this, motion);
+      const bool open = detail::sweep<S>(swept_, where, friction, tolerance, rounds);
+      swept_.give(*this, motion);
+      return open;
+    } else {
+      return sweep_rows(motion, where, friction, tolerance, rounds);
+    }
+  }
+  MaskOf<S> sweep_rows(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance,
+                       int rounds) {
+    RowPoints points{rows_, motion};
+    return detail::sweep<S>(points, where, friction, tolerance, rounds);
   }
 
   static std::size_t rows_of(const System& system) {
     return most_rows<System>(parts_of(system), system.planes().size());
   }
+  /// Only dynamic systems spend memory on it; others have few bodies.
+  static constexpr bool in_registers = System::bodies == dynamic && std::is_floating_point_v<S>;
+  struct NotSwept {
+    NotSwept(const System&, std::size_t) {}
+  };
+
   IslandCoupling<System> coupled_;
   IslandNewton<System> newton_;
+  [[no_unique_address]] std::conditional_t<in_registers, SweptPoints<System>, NotSwept> swept_;
   Reserved<Row, row_room<System>> rows_;
   PerBody<MaskOf<S>, System::bodies> used_;  ///< by a pair
   S tolerance_{0};

@@ -72,6 +72,58 @@ void take_velocities(const Bodies& bodies, const Changed& changed, State& y, con
 
 }  // namespace detail
 
+namespace detail {
+
+/// What unit impulses at a contact point change of its relative velocity, along its normal and two tangents,
+/// and how its law is answered with that.
+template <class S>
+struct PointResponse {
+  S normal, normal_mass;        ///< of the velocity along the normal, 1/kg; its inverse
+  S normal_to_u, normal_to_v;   ///< of the slip by an impulse along the normal, 1/kg
+  S mass_uu, mass_uv, mass_vv;  ///< inverse of what impulses along the surface change of the slip, kg
+  S tangent, slip_mass;         ///< the most that one changes, 1/kg; its inverse
+
+  /// A change of the impulse, N s, and how far the velocity was off, m/s.
+  struct Step {
+    std::array<S, 3> change;
+    S fault;
+  };
+
+  /// Towards the speed `target` along the normal, or no impulse where it leaves faster.
+  S normal_change(const S& impulse, const S& speed, const S& target, const MaskOf<S>& active) const {
+    const S pushed = maximum(S(impulse + normal_mass * (target - speed)), S(0));
+    return select(active, S(pushed - impulse), S(0));
+  }
+  /// The same with Coulomb's law along the surface: towards sticking where friction times the normal impulse
+  /// suffices, else towards that much against the slip.
+  Step step(const std::array<S, 3>& impulse, const S& speed, const S& slip_u, const S& slip_v,
+            const S& target, const S& friction, const MaskOf<S>& active) const {
+    using std::abs;
+    const S change = normal_change(impulse[0], speed, target, active);
+    // What the normal impulse does to the slip, without moving the bodies twice.
+    const S u = slip_u + normal_to_u * change, v = slip_v + normal_to_v * change;
+    const S stick_u = impulse[1] - (mass_uu * u + mass_uv * v),
+            stick_v = impulse[2] - (mass_uv * u + mass_vv * v);
+    const S most = friction * (impulse[0] + change);
+    const MaskOf<S> slides = square(stick_u) + square(stick_v) > square(most);
+    S to_u = stick_u, to_v = stick_v;
+    if (any(slides)) {
+      // Against the slip itself: the sticking impulse of a corner points elsewhere.
+      const S against_u = impulse[1] - slip_mass * u, against_v = impulse[2] - slip_mass * v;
+      const S length2 = square(against_u) + square(against_v);
+      const MaskOf<S> beyond = length2 > square(most);
+      const S share = select(beyond, S(most * inverse_root(select(beyond, length2, S(1)))), S(1));
+      to_u = select(slides, S(share * against_u), stick_u);
+      to_v = select(slides, S(share * against_v), stick_v);
+    }
+    const S off_u = select(active, S(to_u - impulse[1]), S(0)),
+            off_v = select(active, S(to_v - impulse[2]), S(0));
+    return {{change, off_u, off_v}, maximum(S(normal * abs(change)), S(tangent * (abs(off_u) + abs(off_v))))};
+  }
+};
+
+}  // namespace detail
+
 /// One point of contact between two bodies, or between a plane (first) and a body: its three directions, what
 /// a unit impulse along each does, and the impulse so far. Velocities are v_r = v_2 + w_2 x r_2 - v_1 - w_1 x
 /// r_1 (the paper's equation 5), impulses +p on the second body and -p on the first. `Central` as in
@@ -90,29 +142,29 @@ class ContactPoint {
       : direction_(directions(normal)), second_(lever(point, second)) {
     if constexpr (!Fixed) first_ = lever(point, first);
     if constexpr (Fixed) drift_ = {S(0), S(0), S(0)};
-    normal_response_ = response(0, 0, first, second);
-    normal_mass_ = inverse(normal_response_);
+    detail::PointResponse<S>& r = response_;
+    r.normal = response(0, 0, first, second);
+    r.normal_mass = inverse(r.normal);
+    r.normal_to_u = response(1, 0, first, second);
+    r.normal_to_v = response(2, 0, first, second);
     const S uu = response(1, 1, first, second), vv = response(2, 2, first, second),
             uv = response(1, 2, first, second);
     const S over_determinant = inverse(S(uu * vv - uv * uv));
-    mass_uu_ = vv * over_determinant;
-    mass_vv_ = uu * over_determinant;
-    mass_uv_ = -uv * over_determinant;
-    tangent_response_ = S(0.5) * (uu + vv) +
-                        positive_root(S(square(S(S(0.5) * (uu - vv))) + square(uv) + S(Constants<S>::tiny)));
-    slip_mass_ = inverse(tangent_response_);
+    r.mass_uu = vv * over_determinant;
+    r.mass_vv = uu * over_determinant;
+    r.mass_uv = -uv * over_determinant;
+    r.tangent = S(0.5) * (uu + vv) +
+                positive_root(S(square(S(S(0.5) * (uu - vv))) + square(uv) + S(Constants<S>::tiny)));
+    r.slip_mass = inverse(r.tangent);
   }
 
   /// The same point of other numbers, each of which is f(a number of `other`).
   template <class Other, class F>
   ContactPoint(const ContactPoint<Other, Fixed, Central>& other, const F& f)
-      : normal_response_(f(other.normal_response_)),
-        normal_mass_(f(other.normal_mass_)),
-        mass_uu_(f(other.mass_uu_)),
-        mass_uv_(f(other.mass_uv_)),
-        mass_vv_(f(other.mass_vv_)),
-        tangent_response_(f(other.tangent_response_)),
-        slip_mass_(f(other.slip_mass_)) {
+      : response_{
+            f(other.response_.normal),      f(other.response_.normal_mass), f(other.response_.normal_to_u),
+            f(other.response_.normal_to_v), f(other.response_.mass_uu),     f(other.response_.mass_uv),
+            f(other.response_.mass_vv),     f(other.response_.tangent),     f(other.response_.slip_mass)} {
     for (std::size_t d = 0; d < 3; ++d) {
       direction_[d] = detail::mapped(other.direction_[d], f);
       second_.arm[d] = detail::mapped(other.second_.arm[d], f);
@@ -150,12 +202,11 @@ class ContactPoint {
   /// leaves faster. Only where `active`. Returns how far the speed was off (m/s).
   S relax_normal(const S& target, const MaskOf<S>& active, Motion<S>& first, Motion<S>& second) {
     using std::abs;
-    const S fault = target - velocity(0, first, second);
-    const S pushed = select(active, maximum(S(impulse_[0] + normal_mass_ * fault), S(0)), impulse_[0]);
-    const S change = pushed - impulse_[0];
-    impulse_[0] = pushed;
-    push(0, change, first, second);
-    return normal_response_ * abs(change);
+    const S change = response_.normal_change(impulse_[0], velocity(0, first, second), target, active);
+    impulse_[0] += change;
+    push_normal(change, second, second_);
+    if constexpr (!Fixed) push_normal(S(-change), first, first_);
+    return response_.normal * abs(change);
   }
 
   /// Brings the point towards its law, the others held: along the normal towards the speed `target`, or no
@@ -166,38 +217,29 @@ class ContactPoint {
   /// (m/s).
   S relax(const S& target, const S& friction, const MaskOf<S>& active, Motion<S>& first, Motion<S>& second,
           const S& rate = S(1)) {
-    using std::abs;
-    const S off = relax_normal(target, active, first, second);
-    const S& pushed = impulse_[0];
-
-    const S u = velocity(1, first, second), v = velocity(2, first, second);
-    const S stick_u = impulse_[1] - (mass_uu_ * u + mass_uv_ * v),
-            stick_v = impulse_[2] - (mass_uv_ * u + mass_vv_ * v);
-    const S most = friction * pushed;
-    const MaskOf<S> slides = square(stick_u) + square(stick_v) > square(most);
-    // Against the slip itself: the sticking impulse of a corner points elsewhere.
-    const S slip_u = impulse_[1] - slip_mass_ * u, slip_v = impulse_[2] - slip_mass_ * v;
-    const S length2 = square(slip_u) + square(slip_v);
-    const MaskOf<S> beyond = length2 > square(most);
-    const S share = select(beyond, S(most * inverse_root(select(beyond, length2, S(1)))), S(1));
-    const S pu = select(active, select(slides, S(share * slip_u), stick_u), impulse_[1]);
-    const S pv = select(active, select(slides, S(share * slip_v), stick_v), impulse_[2]);
-    const S off_u = pu - impulse_[1], off_v = pv - impulse_[2];
-    const S change_u = rate * off_u, change_v = rate * off_v;
-    push(1, change_u, first, second);
-    push(2, change_v, first, second);
-    impulse_[1] += change_u;
-    impulse_[2] += change_v;
-    return maximum(off, S(tangent_response_ * (abs(off_u) + abs(off_v))));
+    const auto [change, fault] =
+        response_.step(impulse_, velocity(0, first, second), velocity(1, first, second),
+                       velocity(2, first, second), target, friction, active);
+    add({change[0], S(rate * change[1]), S(rate * change[2])}, first, second);
+    return fault;
   }
 
   /// Takes an impulse (N s) for the one so far; moves nothing.
   void restore(const std::array<S, 3>& impulse) { impulse_ = impulse; }
   /// Adds an impulse that is guessed (N s).
   void add(const std::array<S, 3>& impulse, Motion<S>& first, Motion<S>& second) {
-    for (std::size_t d = 0; d < 3; ++d) {
-      impulse_[d] += impulse[d];
-      push(d, impulse[d], first, second);
+    const auto& [p, u, v] = impulse;
+    for (std::size_t d = 0; d < 3; ++d) impulse_[d] += impulse[d];
+    const Vec3<S> all = p * direction_[0] + u * direction_[1] + v * direction_[2];
+    const auto turn = [&](const Lever& lever) {
+      const Vec3<S> along = u * lever.spin[1] + v * lever.spin[2];
+      return Central ? along : p * lever.spin[0] + along;
+    };
+    second.velocity += second.inverse_mass * all;
+    second.angular_velocity += turn(second_);
+    if constexpr (!Fixed) {
+      first.velocity -= first.inverse_mass * all;
+      first.angular_velocity -= turn(first_);
     }
   }
   /// The unit vector of direction d, world frame.
@@ -208,10 +250,17 @@ class ContactPoint {
   Vec3<S> first_arm(std::size_t d) const requires(!Fixed) { return first_.arm[d]; }
   /// The same of the second body, m.
   const Vec3<S>& second_arm(std::size_t d) const { return second_.arm[d]; }
+  /// How a unit impulse along direction d changes either body's angular velocity, world frame, 1/(kg m).
+  /// @{
+  const Vec3<S>& first_spin(std::size_t d) const requires(!Fixed) { return first_.spin[d]; }
+  const Vec3<S>& second_spin(std::size_t d) const { return second_.spin[d]; }
+  /// @}
+  /// What unit impulses change of its velocities.
+  const detail::PointResponse<S>& response() const { return response_; }
   /// What a unit impulse changes: the velocity along the normal, and at most that along the surface, 1/kg.
-  const S& normal_response() const { return normal_response_; }
+  const S& normal_response() const { return response_.normal; }
   /// The most that a unit impulse along the surface changes of the velocity along it, 1/kg.
-  const S& tangent_response() const { return tangent_response_; }
+  const S& tangent_response() const { return response_.tangent; }
   /// Impulse along the normal and the two tangents, N s.
   const std::array<S, 3>& impulse() const { return impulse_; }
 
@@ -248,20 +297,17 @@ class ContactPoint {
     if constexpr (!Fixed) k += dot(first_.arm[d], first_.spin[e]);
     return k;
   }
-  /// An impulse along direction d, N s.
-  void push(std::size_t d, const S& p, Motion<S>& first, Motion<S>& second) const {
-    second.velocity += (second.inverse_mass * p) * direction_[d];
-    if constexpr (!Fixed) first.velocity -= (first.inverse_mass * p) * direction_[d];
-    if (d < arms_from) return;
-    second.angular_velocity += p * second_.spin[d];
-    if constexpr (!Fixed) first.angular_velocity -= p * first_.spin[d];
+  /// An impulse along the normal on one of the bodies, N s.
+  void push_normal(const S& p, Motion<S>& body, const Lever& lever) const {
+    body.velocity += (body.inverse_mass * p) * direction_[0];
+    if constexpr (!Central) body.angular_velocity += p * lever.spin[0];
   }
 
   std::array<Vec3<S>, 3> direction_;
   Lever second_;
   std::conditional_t<Fixed, std::monostate, Lever> first_;
   std::conditional_t<Fixed, std::array<S, 3>, std::monostate> drift_;
-  S normal_response_, normal_mass_, mass_uu_, mass_uv_, mass_vv_, tangent_response_, slip_mass_;
+  detail::PointResponse<S> response_;
   std::array<S, 3> impulse_{S(0), S(0), S(0)};
 };
 

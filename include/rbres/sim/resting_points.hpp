@@ -9,6 +9,7 @@ template <class S>
 struct ClosingRate {
   S in_step;  ///< over a whole step
   S in_part;  ///< where its parts must be short; else 0
+  S slack;    ///< overlaps that stay as they are, as a share of the smaller bounding radius
 
   S largest() const { return maximum(in_step, in_part); }
 };
@@ -32,7 +33,7 @@ void mark_resting(Pair& pair, const Mask& running) {
 template <class Pair, class S>
 S closing_speed(const Pair& pair, const typename Pair::Contact& contact, std::size_t i,
                 const ClosingRate<S>& pull) {
-  const S depth = maximum(S(-contact.gap[i]), S(0)), share = depth / pair.size;
+  const S depth = maximum(S(-contact.gap[i] - pull.slack * pair.size), S(0)), share = depth / pair.size;
   const S fastest = as<S>(0.3) * pair.speed_scale * positive_root(S(share + S(Constants<S>::tiny)));
   const S opens = maximum(minimum(S(pull.in_step * depth), fastest), S(pull.in_part * depth));
   return select(contact.gap[i] > S(0), S(-pull.largest() * contact.gap[i]), opens);

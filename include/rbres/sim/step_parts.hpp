@@ -134,7 +134,9 @@ class StepParts {
       // No rest is left that is a rounding error: forces over such a part would be, too.
       const S ahead = select(left < as<S>(1.25) * longest, left, longest);
       // Resting contacts close a tenth of their gap in a step, and more where its parts must be short.
-      const ClosingRate<S> pull{as<S>(0.1) / h, select(longest < h, S(as<S>(0.5) / longest), S(0))};
+      // Bodies of a heap that are wedged between walls overlap both: they would push for ever.
+      const ClosingRate<S> pull{as<S>(0.1) / h, select(longest < h, S(as<S>(0.5) / longest), S(0)),
+                                in_crowd_ ? as<S>(1e-5) : S(0)};
 
       // Find the pairs that may touch before the step is over.
       fly_to(free_, forces, integrator, y, now, ahead);
