@@ -46,7 +46,8 @@ struct ContactPair {
   std::array<S, points> speed;  ///< at which each point's gap opens, m/s
   std::array<MaskOf<S>, points> touching, resting;
   MaskOf<S> any_resting;
-  S impact;  ///< when it has one, s after the part begins, if that is before its end
+  bool known = false;  ///< whether the manifold is that of the present state
+  S impact;            ///< when it has one, s after the part begins, if that is before its end
   Surface<S> surface;
   S size;         ///< the smaller bounding radius, of the whole bodies, m
   S touch;        ///< points closer than this touch, m
@@ -127,6 +128,14 @@ struct ContactPair {
     return dot(contact.normal, v);
   }
 };
+
+/// Whether a pair is found before another (see BroadPhase, each_near_part).
+template <class A, class B>
+bool found_before(const A& a, const B& b) {
+  const Candidate &i = a.who, &k = b.who;
+  if (i.first != k.first) return i.first < 0 && k.first < 0 ? i.first > k.first : i.first < k.first;
+  return i.second != k.second ? i.second < k.second : a.parts.number() < b.parts.number();
+}
 
 /// The pairs of a part of a step.
 template <class System>

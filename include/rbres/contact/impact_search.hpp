@@ -68,13 +68,13 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
     return least;
   };
 
+  const S fastest = speed_bound(system, pair.who, start, end) + as<S>(1e-6) * pair.speed_scale;
+  const S gap_start = lowest(pair.manifold);
+  const MaskOf<S> reaches = gap_start < as<S>(1.01) * fastest * part;
+  if (!any(counted & reaches)) return part;
   typename Pair::Contact after;
   pair.find(system, end, after);
-  Approach<S> approach{
-      part,          lowest(pair.manifold),
-      lowest(after), speed_bound(system, pair.who, start, end) + as<S>(1e-6) * pair.speed_scale,
-      part,          pair.touch,
-      pair.size};
+  Approach<S> approach{part, gap_start, lowest(after), fastest, part, pair.touch, pair.size};
   MaskOf<S> dips(!pair.fixed_points());
   for (std::size_t i = 0; i < P; ++i) {
     const MaskOf<S>& counted_here = counts[i];

@@ -23,6 +23,8 @@ class PairSearch {
   using Bodies = BodyIndices<System::bodies>;
   using Broad = BroadPhase<S, System::bodies, System::most_planes>;
   static constexpr bool compound = PartsOf<typename System::Shape>::compound;
+  /// Heaps meet many impacts in a step, which leave most pairs where they are.
+  static constexpr bool remembers = System::bodies == dynamic && !Packed<S>;
 
  public:
   using Ways = PerBody<S, System::bodies>;  ///< m
@@ -36,6 +38,14 @@ class PairSearch {
         wanted_(way_),
         reach_(way_) {
     pairs_.reserve(most_part_pairs(system));
+    if constexpr (remembers) last_.reserve(most_part_pairs(system));
+  }
+
+  /// The state is another than that in which pairs were found.
+  void forget() {
+    if constexpr (remembers) {
+      for (auto& pair : pairs_) pair.known = false;
+    }
   }
 
   /// A new part, in which no forces are known that carry one of `bodies` farther than its free flight.
@@ -56,16 +66,25 @@ class PairSearch {
       const S ball = (*system_)[i].bounding_radius() * as<S>(1.001);
       reach_[index(i)] = select(running, S(ball + way_[index(i)]), S(nan));
     }
+    if constexpr (remembers) last_.swap(pairs_);
+    auto last = last_.begin();
     pairs_.clear();
+    const auto add_pair = [&](const auto&... pair) {
+      auto& added = pairs_.emplace_back(*system_, pair...);
+      while (last != last_.end() && found_before(*last, added)) ++last;
+      if (last == last_.end() || found_before(added, *last) || !last->known) return;
+      added.manifold = last->manifold;
+      added.known = true;
+    };
     const auto add = [&](const auto& found) {
       for (const Candidate& who : found) {
         if constexpr (compound) {
           const auto& ways = way_;
           each_near_part(
               *system_, from, who, [&](int i) -> const S& { return ways[index(i)]; },
-              [&](const auto& parts) { pairs_.emplace_back(*system_, who, rest_speed_, parts); });
+              [&](const auto& parts) { add_pair(who, rest_speed_, parts); });
         } else {
-          pairs_.emplace_back(*system_, who, rest_speed_);
+          add_pair(who, rest_speed_);
         }
       }
     };
@@ -110,8 +129,9 @@ class PairSearch {
   S rest_speed_;
   Broad broad_;
   ContactPairs<System> pairs_;
-  Ways way_, wanted_;  ///< wanted_: by contact forces
-  Ways reach_;         ///< of each body with its way
+  Reserved<ContactPair<System>, remembers ? std::dynamic_extent : 0> last_;  ///< found before
+  Ways way_, wanted_;                                                        ///< wanted_: by contact forces
+  Ways reach_;                                                               ///< of each body with its way
 };
 
 /// Notes how fast the pairs' points open.
@@ -127,7 +147,8 @@ template <class System>
 void measure(const System& system, const typename System::State& y, const MotionsOf<System>& motion,
              const MaskOf<typename System::Scalar>& where, ContactPairs<System>& pairs) {
   for (ContactPair<System>& pair : pairs) {
-    pair.find(system, y, pair.manifold);
+    if (!pair.known) pair.find(system, y, pair.manifold);
+    pair.known = true;
     for (std::size_t i = 0; i < ContactPair<System>::points; ++i)
       pair.touching[i] = where & (pair.manifold.gap[i] <= pair.touch);
   }

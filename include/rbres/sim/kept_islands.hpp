@@ -49,8 +49,8 @@ class KeptIslands {
     if constexpr (possible) {
       if (pairs_.empty() || !(has(pair) || (pair.moved.first >= 0 && has(pair.moved.first)))) return false;
       const auto at = std::lower_bound(pairs_.begin(), pairs_.end(), pair,
-                                       [](const Rests& a, const Pair& b) { return before(a, b); });
-      const bool known = at != pairs_.end() && !before(pair, *at);
+                                       [](const Rests& a, const Pair& b) { return found_before(a, b); });
+      const bool known = at != pairs_.end() && !found_before(pair, *at);
       for (std::size_t i = 0; i < Pair::points; ++i) pair.resting[i] = known && at->points[i];
       pair.any_resting = known;
       return true;
@@ -125,13 +125,6 @@ class KeptIslands {
     [[no_unique_address]] typename Pair::Parts parts;
   };
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
-  /// In the order in which pairs are found.
-  template <class A, class B>
-  static bool before(const A& a, const B& b) {
-    const Candidate &i = a.who, &k = b.who;
-    if (i.first != k.first) return i.first < 0 && k.first < 0 ? i.first > k.first : i.first < k.first;
-    return i.second != k.second ? i.second < k.second : a.parts.number() < b.parts.number();
-  }
   static bool touches(const Pair& pair, const typename Pair::Contact& contact) {
     return std::any_of(contact.gap.begin(), contact.gap.end(),
                        [&](const S& gap) { return gap <= pair.touch; });

@@ -250,6 +250,18 @@ class RestingContacts {
     kept_.end_part(bodies_, pairs, part);
   }
 
+  /// Notes how pairs meet at the end of a part, y, where sunk() was asked of it.
+  void note_manifolds(Pairs& pairs, const State& y, bool all) const {
+    const auto stayed = [&](int i) {
+      return i < 0 || (y[i].position == flown_[i].position && y[i].orientation == flown_[i].orientation);
+    };
+    for (std::size_t k = 0; k < pairs.size(); ++k) {
+      Pair& pair = pairs[k];
+      pair.known = (all || pair.any_resting) && stayed(pair.who.first) && stayed(pair.who.second);
+      if (pair.known) pair.manifold = at_end_[k];
+    }
+  }
+
   /// Where a body has a resting contact and new forces.
   MaskOf<S> moves(int i) const { return kept_.has(i) ? MaskOf<S>(false) : rests_[index(i)]; }
 

@@ -122,6 +122,7 @@ class StepParts {
     bodies_ = bodies;
     impacts_.start_step(bodies_);
     resting_.start_step(bodies_);
+    search_.forget();
     search_.start_part(bodies_);
     S left = h;
     MaskOf<S> lost(false);  // too far for one step, or without an end of impacts
@@ -237,6 +238,9 @@ class StepParts {
       if (resting) resting_.keep_undisturbed(pairs, in_crowd_ && cut && !any(early), duration);
       if (resting) resting_.settle(pairs, y, part_end_, duration, pull);
       replace(running, part_end_, y);
+      if constexpr (System::bodies == dynamic && !Packed<S>) {
+        resting ? resting_.note_manifolds(pairs, y, cut) : search_.forget();
+      }
       left = select(running, S(left - duration), left);
       now = now + duration;
       if (resting && !any(left > S(0))) sleeping_.collect(pairs);
