@@ -137,9 +137,12 @@ class PairSearch {
 /// Notes how fast the pairs' points open.
 template <class System>
 void measure_speeds(const MotionsOf<System>& motion, ContactPairs<System>& pairs) {
+  using S = typename System::Scalar;
   for (ContactPair<System>& pair : pairs) {
-    for (std::size_t i = 0; i < ContactPair<System>::points; ++i)
-      pair.speed[i] = pair.opening(pair.manifold, i, motion);
+    for (std::size_t i = 0; i < ContactPair<System>::points; ++i) {
+      const bool there = any(pair.manifold.gap[i] < S(pair.manifold.none / 2));
+      pair.speed[i] = there ? pair.opening(pair.manifold, i, motion) : S(0);
+    }
   }
 }
 /// Notes how the pairs meet in a state with these motions; points touch in the lanes `where` at most.
