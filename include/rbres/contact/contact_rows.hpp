@@ -128,10 +128,11 @@ class ContactRows {
     MaskOf<S> open(false);
     if (any(single)) {
       for (std::size_t from = 0; from < rows_.size(); from = end_of_pair(from)) {
-        rows_[from].plane() ? start<FixedPoint>(from, motion, single, friction, tolerance)
-                            : start<FreePoint>(from, motion, single, friction, tolerance);
+        open =
+            open | (rows_[from].plane() ? solve_pair<FixedPoint>(from, motion, single, friction, tolerance)
+                                        : solve_pair<FreePoint>(from, motion, single, friction, tolerance));
       }
-      open = sweep_rows(motion, single, friction, tolerance, few);
+      if (any(open)) open = sweep_rows(motion, open, friction, tolerance, few);
     }
     if (any(joint)) {
       MaskOf<S> left = coupled_.solve(*this, motion, joint, friction, tolerance, coarse);
@@ -163,9 +164,11 @@ class ContactRows {
     return end;
   }
 
-  /// Starts the points of the pair whose first row this is from the impulses that Newton's method finds.
+  /// Gives the points of the pair whose first row this is the impulses that Newton's method finds. Returns
+  /// the lanes in which laws are off.
   template <class Point>
-  void start(std::size_t from, Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
+  MaskOf<S> solve_pair(std::size_t from, Motions& motion, const MaskOf<S>& where, bool friction,
+                       const S& tolerance) {
     const auto at = [](auto& row) -> auto& { return *std::get_if<Point>(&row.at); };
     const std::size_t end = end_of_pair(from);
     const Row& some = rows_[from];
@@ -175,8 +178,9 @@ class ContactRows {
     PairNewton<S, std::is_same_v<Point, FixedPoint>, Pair::points> newton(at(some).frame(), first, second);
     for (std::size_t i = from; i < end; ++i)
       newton.add(at(rows_[i]), rows_[i].target, rows_[i].active & where);
-    newton.solve(rubs, tolerance);
+    const MaskOf<S> open = newton.solve(rubs, tolerance);
     for (std::size_t i = from; i < end; ++i) newton.apply(i - from, rubs, at(rows_[i]), first, second);
+    return open & where;
   }
 
   /// The rows as sweep() takes them.

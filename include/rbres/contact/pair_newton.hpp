@@ -51,8 +51,8 @@ class PairNewton {
     inertia_.respond(-r.impulse, -cross(r.arm, r.impulse), velocity_, spin_);
   }
 
-  /// Finds the impulses to `tolerance` (m/s), or as near as it gets.
-  void solve(const S& friction, const S& tolerance) {
+  /// Finds the impulses to `tolerance` (m/s), or as near as it gets. Returns the lanes in which laws are off.
+  MaskOf<S> solve(const S& friction, const S& tolerance) {
     constexpr int most_steps = 16;
     MaskOf<S> working(true);
     S best(std::numeric_limits<typename Constants<S>::Real>::max());
@@ -62,7 +62,7 @@ class PairNewton {
       best = select(better, worst, best);
       for (std::size_t i = 0; i < size_; ++i) rows_[i].value.keep(better);
       working = working & !(worst <= tolerance);
-      if (!any(working) || step == most_steps) return;
+      if (!any(working) || step == most_steps) return working;
       advance(friction, working);
     }
   }
