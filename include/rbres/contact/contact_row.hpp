@@ -10,6 +10,7 @@ namespace rbres::RBRES_ABI::detail {
 /// obeys Coulomb's law.
 template <class S>
 struct ContactRow {
+  using Scalar = S;
   Candidate who, moved;  ///< as in ContactPair
   MaskOf<S> active;
   S target, friction;

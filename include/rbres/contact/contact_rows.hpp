@@ -32,7 +32,8 @@ class ContactRows {
   };
 
   explicit ContactRows(const System& system)
-      : coupled_(system, rows_of(system)),
+      : in_crowd_(is_crowd(system)),
+        coupled_(system, rows_of(system)),
         newton_(system, rows_of(system)),
         swept_(system, rows_of(system)),
         used_(per_body<MaskOf<S>>(system)) {
@@ -137,7 +138,7 @@ class ContactRows {
     if (any(joint)) {
       MaskOf<S> left = coupled_.solve(*this, motion, joint, friction, tolerance, coarse);
       if constexpr (in_registers) {
-        if (left && !newton_.fits(*this, motion)) {
+        if (in_crowd_ && left && !newton_.fits(*this, motion)) {
           sweep(motion, left, friction, coarse, some);
           return;
         }
@@ -183,57 +184,17 @@ class ContactRows {
     return open & where;
   }
 
-  /// The rows as sweep() takes them.
-  struct RowPoints {
-    Reserved<Row, row_room<System>>& rows;
-    Motions& motion;
-
-    std::size_t size() const { return rows.size(); }
-    void start() {
-      for (Row& row : rows) row.way = {S(0), S(0), S(0)};
-    }
-    void start_round() {
-      for (Row& row : rows) row.before = row.impulse();
-    }
-    S relax(std::size_t k, bool friction, const MaskOf<S>& where) {
-      Row& row = rows[k];
-      const MaskOf<S> active = row.active & where;
-      S fault(0);
-      with_point(row, motion, [&](auto& point, auto& a, auto& b) {
-        fault = friction ? point.relax(row.target, row.friction, active, a, b)
-                         : point.relax_normal(row.target, active, a, b);
-      });
-      return fault;
-    }
-    S squared_change() const {
-      S sum(0);
-      for (const Row& row : rows) {
-        for (std::size_t d = 0; d < 3; ++d) sum += square(S(row.impulse()[d] - row.before[d]));
-      }
-      return sum;
-    }
-    void go_on(const S& share) {
-      for (Row& row : rows) {
-        std::array<S, 3> further;
-        for (std::size_t d = 0; d < 3; ++d) {
-          further[d] = share * row.way[d];
-          row.way[d] = further[d] + (row.impulse()[d] - row.before[d]);
-        }
-        with_point(row, motion, [&](auto& point, auto& a, auto& b) { point.add(further, a, b); });
-      }
-    }
-  };
-
   /// See detail::sweep().
   MaskOf<S> sweep(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance, int rounds) {
     if constexpr (in_registers) {
-      swept_.take(*this, motion);
-      const bool open = detail::sweep<S>(swept_, where, friction, tolerance, rounds);
-      swept_.give(*this, motion);
-      return open;
-    } else {
-      return sweep_rows(motion, where, friction, tolerance, rounds);
+      if (in_crowd_) {
+        swept_.take(*this, motion);
+        const bool open = detail::sweep<S>(swept_, where, friction, tolerance, rounds);
+        swept_.give(*this, motion);
+        return open;
+      }
     }
+    return sweep_rows(motion, where, friction, tolerance, rounds);
   }
   MaskOf<S> sweep_rows(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance,
                        int rounds) {
@@ -244,12 +205,13 @@ class ContactRows {
   static std::size_t rows_of(const System& system) {
     return most_rows<System>(parts_of(system), system.planes().size());
   }
-  /// Only dynamic systems spend memory on it; others have few bodies.
+  /// Dynamic systems alone may be crowds.
   static constexpr bool in_registers = System::bodies == dynamic && std::is_floating_point_v<S>;
   struct NotSwept {
     NotSwept(const System&, std::size_t) {}
   };
 
+  bool in_crowd_;
   IslandCoupling<System> coupled_;
   IslandNewton<System> newton_;
   [[no_unique_address]] std::conditional_t<in_registers, SweptPoints<System>, NotSwept> swept_;

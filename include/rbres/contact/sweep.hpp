@@ -1,7 +1,9 @@
 #pragma once
 
+#include <array>
+#include <cstddef>
 #include <limits>
-#include <rbres/core/scalar.hpp>
+#include <rbres/contact/contact_row.hpp>
 
 namespace rbres::RBRES_ABI::detail {
 
@@ -43,5 +45,48 @@ MaskOf<S> sweep(Points& points, const MaskOf<S>& where, bool friction, const S& 
   }
   return open | working;
 }
+
+/// Contact rows (ContactRows::Row) as sweep() takes them.
+template <class Rows, class Motions>
+struct RowPoints {
+  using S = typename Rows::value_type::Scalar;
+  Rows& rows;
+  Motions& motion;
+
+  std::size_t size() const { return rows.size(); }
+  void start() {
+    for (auto& row : rows) row.way = {S(0), S(0), S(0)};
+  }
+  void start_round() {
+    for (auto& row : rows) row.before = row.impulse();
+  }
+  S relax(std::size_t k, bool friction, const MaskOf<S>& where) {
+    auto& row = rows[k];
+    const MaskOf<S> active = row.active & where;
+    S fault(0);
+    with_point(row, motion, [&](auto& point, auto& a, auto& b) {
+      fault = friction ? point.relax(row.target, row.friction, active, a, b)
+                       : point.relax_normal(row.target, active, a, b);
+    });
+    return fault;
+  }
+  S squared_change() const {
+    S sum(0);
+    for (const auto& row : rows) {
+      for (std::size_t d = 0; d < 3; ++d) sum += square(S(row.impulse()[d] - row.before[d]));
+    }
+    return sum;
+  }
+  void go_on(const S& share) {
+    for (auto& row : rows) {
+      std::array<S, 3> further;
+      for (std::size_t d = 0; d < 3; ++d) {
+        further[d] = share * row.way[d];
+        row.way[d] = further[d] + (row.impulse()[d] - row.before[d]);
+      }
+      with_point(row, motion, [&](auto& point, auto& a, auto& b) { point.add(further, a, b); });
+    }
+  }
+};
 
 }  // namespace rbres::RBRES_ABI::detail

@@ -21,6 +21,7 @@ class SweptPoints {
   SweptPoints(const System& system, std::size_t most_rows) : place_(per_body<std::size_t>(system)) {
     points_.reserve(most_rows);
     velocities_.reserve(place_.size() + 1);
+    bodies_.reserve(place_.size());
     place_.fill(plane);
   }
 
