@@ -162,6 +162,40 @@ TEST_CASE("bodies that fall into a heap gain no energy and do not overlap") {
   CHECK(watch.deepest > -5e-5);
 }
 
+TEST_CASE("a pyramid on a slope stands in a crowd as it does alone") {
+  const Material<double> material{0.0, 0.5};
+  const auto stand = [&](int others) {
+    std::vector<Body<double>> bodies;
+    State y;
+    for (int row = 0; row < 6; ++row) {
+      for (int k = 0; k < 6 - row; ++k) {
+        bodies.push_back({Box{0.1, 0.1, 0.1}, 1.0, material});
+        y.body.push_back({{0.21 * k + 0.105 * row, 0, 0.1 + 0.2 * row}});
+      }
+    }
+    for (int i = 0; i < others; ++i) {
+      bodies.push_back({Sphere{0.1}, 1.0, material});
+      y.body.push_back({{10.0 + i, 0, 0.1}});
+    }
+    const Crowd world{bodies, {floor_plane(material)}};
+    // Gravity leans by 10 degrees; spheres lean against nothing and roll.
+    Stepper stepper(world, Gravity<double>{{1.7, 0, -9.66}}, Rk4{}, {.step = 2e-3});
+    const State start = y;
+    for (int k = 0; k < 150; ++k) stepper.step(y, 2e-3 * k, 2e-3);
+    const State later = y;
+    for (int k = 0; k < 100; ++k) stepper.step(y, 0.3 + 2e-3 * k, 2e-3);
+    double moved = 0, crept = 0;
+    for (int i = 0; i < 21; ++i) {
+      moved = std::max(moved, norm(y[i].position - start[i].position));
+      crept = std::max(crept, norm(y[i].position - later[i].position));
+    }
+    CHECK(moved < 1e-6);
+    CHECK(crept < 1e-8);
+  };
+  stand(11);  // 32 bodies
+  stand(12);  // a crowd
+}
+
 TEST_CASE("islands of resting contacts that an impact does not reach keep their forces, in a crowd") {
   for (const int count : {32, 33}) {
     CAPTURE(count);
