@@ -1,103 +1,15 @@
 #pragma once
 
 #include <limits>
-#include <rbres/body/mechanics.hpp>
 #include <rbres/contact/broad_phase.hpp>
 #include <rbres/contact/contact_pair.hpp>
 #include <rbres/core/reserved.hpp>
 #include <rbres/sim/contact_tally.hpp>
+#include <rbres/sim/discrete_overlap.hpp>
 #include <span>
 #include <tuple>
 
 namespace rbres::RBRES_ABI::detail {
-
-/// Gives a pair back the angular momentum that it lost when its second body was moved by `shift` relative to
-/// the first, where `moved`: its motion is a rigid turn, which carries the angular momentum, and a remainder
-/// without any. The turn is set right, and the remainder shrinks where kinetic energy would rise above what
-/// it was less `excess` (J). The total momentum stays. `a` and `b` have their new positions.
-template <class S>
-void restore_angular_momentum(const Vec3<S>& shift, const MaskOf<S>& moved, const S& excess, Motion<S>& a,
-                              Motion<S>& b) {
-  const S share = a.inverse_mass / (a.inverse_mass + b.inverse_mass);
-  const S mass = S(1) / (a.inverse_mass + b.inverse_mass);  // reduced
-  const Vec3<S> r = b.position - a.position, v = b.velocity - a.velocity;
-  const Mat3<S> ia = symmetric_inverse(a.inverse_inertia), ib = symmetric_inverse(b.inverse_inertia);
-  const Vec3<S> spin = ia * a.angular_velocity + ib * b.angular_velocity;
-  const Vec3<S> after = spin + mass * cross(r, v), before = after - mass * cross(shift, v);
-  const S r2 = squared_norm(r);
-  const auto column = [&](const Vec3<S>& p, const Vec3<S>& q, const Vec3<S>& unit, const S& along) {
-    return p + q + mass * (r2 * unit - along * r);
-  };
-  const Mat3<S> inverse = symmetric_inverse(Mat3<S>{column(ia.x, ib.x, {S(1), S(0), S(0)}, r.x),
-                                                    column(ia.y, ib.y, {S(0), S(1), S(0)}, r.y),
-                                                    column(ia.z, ib.z, {S(0), S(0), S(1)}, r.z)});
-  const Vec3<S> turn = inverse * before, turned = inverse * after;
-  const S energy = mass * squared_norm(v) + dot(a.angular_velocity, ia * a.angular_velocity) +
-                   dot(b.angular_velocity, ib * b.angular_velocity);
-  const S remainder = energy - dot(after, turned), allowed = energy - dot(before, turn) - S(2) * excess;
-  const MaskOf<S> shrinks = remainder > allowed;
-  const S factor = select(shrinks, root(maximum(S(allowed / select(shrinks, remainder, S(1))), S(0))), S(1));
-  const Vec3<S> change = cross(turn, r) + factor * (v - cross(turned, r)) - v;
-  const S moves = select(moved, S(1), S(0));
-  b.velocity += ((S(1) - share) * moves) * change;
-  a.velocity -= (share * moves) * change;
-  for (Motion<S>* m : {&a, &b}) {
-    const Vec3<S> w = turn + factor * (m->angular_velocity - turned);
-    m->angular_velocity += moves * (w - m->angular_velocity);
-  }
-}
-
-/// Moves a body out of a plane along its normal by `depth` (m), which costs `cost` (J) against the forces on
-/// it. What an impact has not spent of the energy `before` (J) it pays from its motion along the normal, then
-/// from its rotation, up to half of each; where that is too little it moves less far.
-template <class S, class Shape>
-void push_out(const Body<S, Shape>& body, const Vec3<S>& normal, const S& depth, const S& cost,
-              const S& before, RigidState<S>& state) {
-  const S now = kinetic_energy(body, state), along = dot(normal, state.velocity);
-  const S linear = as<S>(0.25) * body.mass() * square(along);
-  const S spin = as<S>(0.25) * dot(state.angular_velocity, scale(body.inertia(), state.angular_velocity));
-  const S most = maximum(S(before - now), S(0)) + linear + spin;
-  const S share = select(cost > most, S(most / select(cost > most, cost, S(1))), S(1));
-  state.position += (share * depth) * normal;
-  const S excess = clamp(S(now + share * cost - before), S(0), S(linear + spin));
-  const auto slower = [](const S& energy, const S& less) {
-    const MaskOf<S> some = energy > S(0);
-    return root(S(S(1) - S(0.5) * less / select(some, energy, S(1))));
-  };
-  const S taken = minimum(excess, linear);
-  state.velocity -= ((S(1) - slower(linear, taken)) * along) * normal;
-  state.angular_velocity = slower(spin, S(excess - taken)) * state.angular_velocity;
-}
-
-/// What a step's forces did to a body before contacts.
-template <class S>
-struct Gain {
-  Vec3<S> velocity;      ///< m/s
-  Vec3<S> acceleration;  ///< mean, m/s^2
-  S lost;                ///< energy that the integrator lost, as those of first order do, J
-};
-
-/// After the impact of a body and a kinematic one, `partner`, with the velocities of `motion` where `hit`:
-/// what a plane does that moves with the partner's surface. `normal` and `depth` (m, 0 where they do not
-/// overlap) lead the body out.
-template <class S, class Shape>
-void meet_kinematic(const RigidState<S>& partner, const Body<S, Shape>& body, const Vec3<S>& normal,
-                    const S& depth, const Gain<S>& gain, const MaskOf<S>& hit, const Motion<S>& motion,
-                    RigidState<S>& state) {
-  const Vec3<S> carried =
-      partner.velocity + cross(partner.angular_velocity_world(), state.position - partner.position);
-  const auto relative = [&] {
-    RigidState<S> y = state;
-    y.velocity -= carried;
-    return y;
-  };
-  const S before = kinetic_energy(body, relative()) + gain.lost;
-  set_velocities_where(hit, state, motion);
-  RigidState<S> out = relative();
-  push_out(body, normal, depth, S(-depth * body.mass() * dot(gain.acceleration, normal)), before, out);
-  out.velocity += carried;
-  state = select(depth > S(0), out, state);
-}
 
 /// Calls f(manifold, is_plane) with how a pair meets: two parts, or a plane and all parts of a body at once.
 template <class System, class F>
@@ -117,10 +29,10 @@ void with_discrete_manifold(const System& system, const typename System::State& 
 /// overlap taken away along the normal, shared by inverse mass. What the step's forces alone can have given
 /// in two steps is rest, not approach. What the move costs against the forces is taken out of the motion.
 template <class System>
-void meet(const System& system, std::span<const Gain<typename System::Scalar>> gained,
-          typename System::State& y, int first, int second, const PartPairOf<System>& parts,
-          const typename System::Scalar& rest, const MaskOf<typename System::Scalar>& where,
-          ContactTally<typename System::Scalar>& tally) {
+void resolve_overlap(const System& system, std::span<const Gain<typename System::Scalar>> gained,
+                     typename System::State& y, int first, int second, const PartPairOf<System>& parts,
+                     const typename System::Scalar& rest, const MaskOf<typename System::Scalar>& where,
+                     ContactTally<typename System::Scalar>& tally) {
   using S = typename System::Scalar;
   with_discrete_manifold(system, y, first, second, parts, [&](auto manifold, auto is_plane) {
     constexpr bool fixed = decltype(is_plane)::value;
@@ -167,7 +79,7 @@ void meet(const System& system, std::span<const Gain<typename System::Scalar>> g
       for (const auto& [partner, i, normal, motion] : {std::tuple(first, second, manifold.normal, &b),
                                                        std::tuple(second, first, -manifold.normal, &a)}) {
         if (!system[partner].is_kinematic()) continue;
-        meet_kinematic(y[partner], system[i], normal, out, gain(i), hit, *motion, y[i]);
+        resolve_kinematic(y[partner], system[i], normal, out, gain(i), hit, *motion, y[i]);
         return;
       }
     }
@@ -192,11 +104,11 @@ void meet(const System& system, std::span<const Gain<typename System::Scalar>> g
 }
 /// The same in one piece, which is faster: not for dual numbers, with which g++ 12 fails on it.
 template <class System>
-[[gnu::noinline, gnu::flatten]] void meet_flat(
+[[gnu::noinline, gnu::flatten]] void resolve_overlap_flat(
     const System& system, std::span<const Gain<typename System::Scalar>> gained, typename System::State& y,
     int first, int second, const PartPairOf<System>& parts, const typename System::Scalar& rest,
     const MaskOf<typename System::Scalar>& where, ContactTally<typename System::Scalar>& tally) {
-  meet(system, gained, y, first, second, parts, rest, where, tally);
+  resolve_overlap(system, gained, y, first, second, parts, rest, where, tally);
 }
 
 /// All contacts at the end of a step of h (s) from `before` to y, each pair once. Pairs that share a body are
@@ -228,15 +140,16 @@ class DiscreteContact {
       const S lost = dot(gained, mean - as<S>(0.5) * (y[i].velocity + before[i].velocity));
       gained_.push_back({gained, rate * gained, maximum(S((*system_)[i].mass() * lost), S(0))});
     }
-    const auto meet_pair = [&](const Pair& pair, const MaskOf<S>& where) {
+    const auto resolve_pair = [&](const Pair& pair, const MaskOf<S>& where) {
       if constexpr (std::is_floating_point_v<typename ScalarTraits<S>::Value>) {
-        meet_flat(*system_, gained_, y, pair.first, pair.second, pair.parts, rest_speed, where, tally);
+        resolve_overlap_flat(*system_, gained_, y, pair.first, pair.second, pair.parts, rest_speed, where,
+                             tally);
       } else {
-        meet(*system_, gained_, y, pair.first, pair.second, pair.parts, rest_speed, where, tally);
+        resolve_overlap(*system_, gained_, y, pair.first, pair.second, pair.parts, rest_speed, where, tally);
       }
     };
     if (!any(shared_)) {
-      for (const Pair& pair : pairs_) meet_pair(pair, pair.open);
+      for (const Pair& pair : pairs_) resolve_pair(pair, pair.open);
       return;
     }
     for (Pair& pair : pairs_) {
@@ -253,7 +166,7 @@ class DiscreteContact {
       };
       std::sort(pairs_.begin(), pairs_.end(),
                 [&](const Pair& a, const Pair& b) { return order(a) < order(b); });
-      for (const Pair& pair : pairs_) meet_pair(pair, pair.open);
+      for (const Pair& pair : pairs_) resolve_pair(pair, pair.open);
       return;
     }
     // In each round every lane takes the deepest of the pairs that it has left.
@@ -266,7 +179,7 @@ class DiscreteContact {
         if (!any(turn)) continue;
         free = free & !turn;
         pair.open = pair.open & !turn;
-        meet_pair(pair, turn);
+        resolve_pair(pair, turn);
       }
     }
   }
