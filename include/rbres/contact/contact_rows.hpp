@@ -198,7 +198,7 @@ class ContactRows {
   }
   MaskOf<S> sweep_rows(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance,
                        int rounds) {
-    RowPoints points{rows_, motion};
+    RowPoints<Reserved<Row, row_room<System>>, Motions> points{rows_, motion};
     return detail::sweep<S>(points, where, friction, tolerance, rounds);
   }
 

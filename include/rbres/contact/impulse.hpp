@@ -228,7 +228,7 @@ class ContactPoint {
   void restore(const std::array<S, 3>& impulse) { impulse_ = impulse; }
   /// Adds an impulse that is guessed (N s).
   void add(const std::array<S, 3>& impulse, Motion<S>& first, Motion<S>& second) {
-    const auto& [p, u, v] = impulse;
+    const S &p = impulse[0], &u = impulse[1], &v = impulse[2];
     for (std::size_t d = 0; d < 3; ++d) impulse_[d] += impulse[d];
     const Vec3<S> all = p * direction_[0] + u * direction_[1] + v * direction_[2];
     const auto turn = [&](const Lever& lever) {

@@ -15,7 +15,8 @@ namespace rbres::RBRES_ABI::detail {
 template <class System>
 class SweptPoints {
   using S = typename System::Scalar;
-  using Four = Pack<S, 4>;
+  /// Never passed by value: where it is wider than a register, compilers differ about how.
+  using Four = typename VectorOf<S, 4>::type;
 
  public:
   SweptPoints(const System& system, std::size_t most_rows) : place_(per_body<std::size_t>(system)) {
@@ -30,32 +31,31 @@ class SweptPoints {
   void take(Rows& rows, Motions& motion) {
     points_.clear();
     velocities_.clear();
-    velocities_.push_back({Four(S(0)), Four(S(0))});  // of planes
+    velocities_.emplace_back();  // of planes
     rows.each(motion, [&](auto& row, auto& contact, auto& first, auto& second) {
       if (!row.active) return;
       Point& p = points_.emplace_back();
       p.response = contact.response();
       p.target = row.target;
       p.friction = row.friction;
-      p.impulse = four(contact.impulse());
+      set(p.impulse, contact.impulse());
       p.second = place(row.who.second, second);
       p.second_mass = second.inverse_mass;
       p.first = plane;
       p.first_mass = S(0);
-      p.drift = Four(S(0));
+      p.drift = Four{};
       const Mat3<S> frame = contact.frame();
-      p.along = {four(frame.x), four(frame.y), four(frame.z)};
-      p.directions = across(frame.x, frame.y, frame.z);
-      const auto arm = [&](std::size_t d) { return contact.second_arm(d); };
-      p.second_arms = across(arm(0), arm(1), arm(2));
-      for (std::size_t d = 0; d < 3; ++d) p.second_spin[d] = four(contact.second_spin(d));
+      set_rows(p.along, frame.x, frame.y, frame.z);
+      set_columns(p.directions, frame.x, frame.y, frame.z);
+      set_columns(p.second_arms, contact.second_arm(0), contact.second_arm(1), contact.second_arm(2));
+      set_rows(p.second_spin, contact.second_spin(0), contact.second_spin(1), contact.second_spin(2));
       if constexpr (requires { contact.first_arm(0); }) {
         p.first = place(row.who.first, first);
         p.first_mass = first.inverse_mass;
-        p.first_arms = across(-contact.first_arm(0), -contact.first_arm(1), -contact.first_arm(2));
-        for (std::size_t d = 0; d < 3; ++d) p.first_spin[d] = four(contact.first_spin(d));
+        set_columns(p.first_arms, -contact.first_arm(0), -contact.first_arm(1), -contact.first_arm(2));
+        set_rows(p.first_spin, contact.first_spin(0), contact.first_spin(1), contact.first_spin(2));
       } else {
-        p.drift = four(contact.drift());
+        set(p.drift, contact.drift());
       }
     });
     for (const int body : bodies_) place_[static_cast<std::size_t>(body)] = plane;
@@ -77,7 +77,7 @@ class SweptPoints {
   /// See sweep().
   /// @{
   void start() {
-    for (Point& p : points_) p.way = Four(S(0));
+    for (Point& p : points_) p.way = Four{};
   }
   void start_round() {
     for (Point& p : points_) p.before = p.impulse;
@@ -88,9 +88,8 @@ class SweptPoints {
     const Velocity &a = velocities_[p.first], &b = velocities_[p.second];
     Four v = p.drift;
     for (std::size_t c = 0; c < 3; ++c) {
-      const int lane = static_cast<int>(c);
-      v += p.directions[c] * Four(b.linear[lane] - a.linear[lane]) + p.second_arms[c] * Four(b.angular[lane]);
-      if (p.first != plane) v += p.first_arms[c] * Four(a.angular[lane]);
+      v += p.directions[c] * (b.linear[c] - a.linear[c]) + p.second_arms[c] * b.angular[c];
+      if (p.first != plane) v += p.first_arms[c] * a.angular[c];
     }
     if (!friction) {
       const S change = p.response.normal_change(p.impulse[0], v[0], p.target, true);
@@ -103,13 +102,13 @@ class SweptPoints {
     return fault;
   }
   S squared_change() const {
-    Four sum(S(0));
+    Four sum{};
     for (const Point& p : points_) sum += (p.impulse - p.before) * (p.impulse - p.before);
     return sum[0] + sum[1] + sum[2];
   }
   void go_on(const S& share) {
     for (Point& p : points_) {
-      const Four further = Four(share) * p.way;
+      const Four further = share * p.way;
       p.way = further + (p.impulse - p.before);
       add(p, further[0], further[1], further[2]);
     }
@@ -120,7 +119,7 @@ class SweptPoints {
   static constexpr std::size_t plane = 0;  ///< its place among the velocities
   using Three = std::array<Four, 3>;
   struct Velocity {
-    Four linear, angular;
+    Four linear{}, angular{};
   };
   struct Point {
     Three directions, second_arms, first_arms;  ///< [component]: of the three directions; first: negative
@@ -131,40 +130,39 @@ class SweptPoints {
     std::size_t first, second;                    ///< places of the bodies' velocities
   };
 
-  static Four four(const S& x, const S& y, const S& z) {
-    Four r(S(0));
-    r.v[0] = x;
-    r.v[1] = y;
-    r.v[2] = z;
-    return r;
+  static void set(Four& to, const Vec3<S>& v) { to = Four{v.x, v.y, v.z, S(0)}; }
+  static void set(Four& to, const std::array<S, 3>& v) { to = Four{v[0], v[1], v[2], S(0)}; }
+  static void set_rows(Three& to, const Vec3<S>& a, const Vec3<S>& b, const Vec3<S>& c) {
+    set(to[0], a);
+    set(to[1], b);
+    set(to[2], c);
   }
-  static Four four(const Vec3<S>& v) { return four(v.x, v.y, v.z); }
-  static Four four(const std::array<S, 3>& v) { return four(v[0], v[1], v[2]); }
-  static Three across(const Vec3<S>& a, const Vec3<S>& b, const Vec3<S>& c) {
-    return {four(a.x, b.x, c.x), four(a.y, b.y, c.y), four(a.z, b.z, c.z)};
+  static void set_columns(Three& to, const Vec3<S>& a, const Vec3<S>& b, const Vec3<S>& c) {
+    set_rows(to, {a.x, b.x, c.x}, {a.y, b.y, c.y}, {a.z, b.z, c.z});
   }
 
   std::size_t place(int body, const Motion<S>& motion) {
     std::size_t& at = place_[static_cast<std::size_t>(body)];
     if (at == plane) {
       at = velocities_.size();
-      velocities_.push_back({four(motion.velocity), four(motion.angular_velocity)});
+      Velocity& v = velocities_.emplace_back();
+      set(v.linear, motion.velocity);
+      set(v.angular, motion.angular_velocity);
       bodies_.push_back(body);
     }
     return at;
   }
   /// Adds an impulse along the three directions, N s.
   void add(Point& p, const S& normal, const S& u, const S& v) {
-    const Four n(normal), s(u), t(v);
-    p.impulse += four(normal, u, v);
-    const Four push = n * p.along[0] + s * p.along[1] + t * p.along[2];
+    p.impulse += Four{normal, u, v, S(0)};
+    const Four push = normal * p.along[0] + u * p.along[1] + v * p.along[2];
     Velocity& b = velocities_[p.second];
-    b.linear += Four(p.second_mass) * push;
-    b.angular += n * p.second_spin[0] + s * p.second_spin[1] + t * p.second_spin[2];
+    b.linear += p.second_mass * push;
+    b.angular += normal * p.second_spin[0] + u * p.second_spin[1] + v * p.second_spin[2];
     if (p.first == plane) return;
     Velocity& a = velocities_[p.first];
-    a.linear -= Four(p.first_mass) * push;
-    a.angular -= n * p.first_spin[0] + s * p.first_spin[1] + t * p.first_spin[2];
+    a.linear -= p.first_mass * push;
+    a.angular -= normal * p.first_spin[0] + u * p.first_spin[1] + v * p.first_spin[2];
   }
 
   Reserved<Point> points_;
