@@ -34,7 +34,7 @@ int main(int argc, char** argv) {
       "same command goes on where it was."};
   bool quick = false;
   std::string folder, json, commit;
-  app.add_flag("--quick", quick, "a small version, some minutes on two cores");
+  flag(app, "--quick", quick, "a small version, some minutes on two cores");
   app.add_option("--out", folder, "folder for results, models and figures")
       ->default_str("rbres_paper or rbres_paper_quick");
   app.add_option("--json", json, "also save every figure of every table, by name, to this file");

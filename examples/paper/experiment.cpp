@@ -158,7 +158,8 @@ Json run_experiment(const Plan& plan, const Store& store, const RunOptions& opti
   Json results;
   std::vector<Work> units;
   for_all(plan, [&](World world, auto set) { prepare<set()>(world, plan, store, results, units); });
-  std::printf("\n%d networks and contact laws to train, several at once\n", static_cast<int>(units.size()));
+  if (!units.empty())
+    std::printf("\n%d networks and contact laws to train, several at once\n", static_cast<int>(units.size()));
   do_all(std::move(units), plan.units.size() + plan.laws.size(), options);
   for_all(plan, [&](World world, auto set) { collect<set()>(world, plan, store, results); });
   // Nothing else of this process runs meanwhile.
