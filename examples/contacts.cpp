@@ -183,6 +183,6 @@ int main(int argc, char** argv) {
   number(app, "--minutes", options.minutes, 1e-3, 1e6,
          "for all; of what fits leave, the hybrid has three tenths");
   app.add_option("--model", options.model, "save the learned law to this file");
-  app.add_flag("--json", options.json, "print a JSON array instead of the table");
+  flag(app, "--json", options.json, "print a JSON array instead of the table");
   return run_program("rbres_contacts", app, argc, argv, [&] { run(options); });
 }

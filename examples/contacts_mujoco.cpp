@@ -157,8 +157,8 @@ int main(int argc, char** argv) {
       "Writes FOLDER/train and FOLDER/test: bodies thrown into a tray, by MuJoCo with soft contacts or by "
       "rbres with contacts whose restitution and friction fall with speed. Says how long a frame takes."};
   app.add_option("FOLDER", options.folder, "where the sets go")->required();
-  app.add_flag("--boxes", options.boxes, "boxes and balls instead of balls alone");
-  app.add_flag("--rbres", options.rbres, "by rbres instead of MuJoCo");
+  flag(app, "--boxes", options.boxes, "boxes and balls instead of balls alone");
+  flag(app, "--rbres", options.rbres, "by rbres instead of MuJoCo");
   number(app, "--bodies", options.bodies, 1, 1000, "in a scene");
   number(app, "--train", options.train, 1, 1'000'000, "scenes to train on");
   number(app, "--test", options.test, 1, 1'000'000, "scenes to test on");

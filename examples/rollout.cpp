@@ -243,7 +243,7 @@ int main(int argc, char** argv) {
   seed_number(app, "--seed", options.seed, "of the scenarios");
   number(app, "--seconds", options.seconds, 0.0, 600.0, "how far, s");
   app.add_option("--out", options.out, "NAME of the files written")->capture_default_str();
-  app.add_flag("--force", options.force, "overwrite files of that name");
+  flag(app, "--force", options.force, "overwrite files of that name");
   return run_program("rbres_rollout", app, argc, argv, [&] {
     if (options.model == demonstration && !std::filesystem::exists(demonstration))
       throw Error("--model: there is no " + demonstration +

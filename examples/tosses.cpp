@@ -143,8 +143,8 @@ int main(int argc, char** argv) {
       "that says why."};
   app.add_option("FOLDER", options.folder, "of train.npy and validation.npy")->required();
   app.add_option("--test", options.test_file, "report on this file instead of FOLDER/validation.npy");
-  app.add_flag("--json", options.json,
-               "print an array of {\"predictor\", \"position_m\", \"rotation_rad\"} instead of the table");
+  flag(app, "--json", options.json,
+       "print an array of {\"predictor\", \"position_m\", \"rotation_rad\"} instead of the table");
   seed_number(app, "--seed", options.seed, "of the networks' first weights and the order of training");
   return run_program("rbres_tosses", app, argc, argv, [&] { run(options); });
 }

@@ -31,6 +31,19 @@ TEST_CASE("a log gets whole lines, one for each hundredth of the work") {
   CHECK(log.ends_with("\n  10 left\n  all\n"));
 }
 
+TEST_CASE("a line that stays stands on its own in a log") {
+  const TemporaryFolder folder;
+  std::FILE* file = std::fopen((folder / "log").c_str(), "w");
+  REQUIRE(file != nullptr);
+  ProgressLine line(file);
+  line.print(0.5, "half of it");
+  line.say("a part is done");
+  line.print(1, "all of it");
+  line.end();
+  std::fclose(file);
+  CHECK(read_bytes(folder / "log") == "  half of it\n  a part is done\n  all of it\n");
+}
+
 TEST_CASE("a terminal gets one line, without the rest of a longer one") {
   const int master = ::posix_openpt(O_RDWR | O_NOCTTY);
   REQUIRE(master >= 0);
@@ -40,6 +53,7 @@ TEST_CASE("a terminal gets one line, without the rest of a longer one") {
   REQUIRE(terminal != nullptr);
   ProgressLine line(terminal);
   line.print(0.001, "1000 left");
+  line.say("done");
   line.print(0.002, "9 left");
   line.end();
   std::fputs("end", terminal);
@@ -53,6 +67,6 @@ TEST_CASE("a terminal gets one line, without the rest of a longer one") {
   }
   std::fclose(terminal);
   ::close(master);
-  CHECK(shown.starts_with("\r  1000 left \r  9 left    "));
-  CHECK(std::count(shown.begin(), shown.end(), '\n') == 1);
+  CHECK(shown.starts_with("\r  1000 left \r  done     \r\n\r  9 left    "));
+  CHECK(std::count(shown.begin(), shown.end(), '\n') == 2);
 }

@@ -24,6 +24,16 @@ CLI::Option* number(CLI::App& app, const std::string& option, T& value, T least,
       ->capture_default_str();
 }
 
+/// That an option takes no value: "--option=7" is refused.
+inline std::string no_value(const std::string& text) {
+  return text == "true" ? "" : "expected no value, found " + text;
+}
+
+/// Adds an option that is given or not.
+inline void flag(CLI::App& app, const std::string& option, bool& given, const std::string& help) {
+  app.add_flag(option, given, help)->check(no_value);
+}
+
 /// Adds an option for the seed of random numbers.
 inline void seed_number(CLI::App& app, const std::string& option, std::uint64_t& value,
                         const std::string& help) {

@@ -33,6 +33,12 @@ class ProgressLine {
     if (!is_terminal_) std::fprintf(to_, "  %s\n", line.c_str());
     std::fflush(to_);
   }
+  /// A line that stays; on a terminal above that of the work, which comes again with its next print.
+  void say(const std::string& line) {
+    if (is_terminal_) std::fprintf(to_, "\r");
+    std::fprintf(to_, "  %-*s\n", is_terminal_ ? width_ : 0, line.c_str());
+    std::fflush(to_);
+  }
   /// What follows stands on a line of its own.
   void end() {
     if (is_terminal_) std::fprintf(to_, "\n");

@@ -1,7 +1,6 @@
 #include "contact_law.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <rbres/io/contact_law.hpp>
 #include <rbres/io/contact_training.hpp>
@@ -20,30 +19,30 @@ constexpr double frame_time = 0.02, duration = 2;  // s
 
 template <LawKind Kind, BodySet Set>
 auto LawScenario<Kind, Set>::learn(World world, const LawProtocol& protocol, std::uint64_t seed,
-                                   const std::filesystem::path& checkpoint,
-                                   const std::function<void(const ContactLearningReport&)>& say) -> Law {
+                                   const std::filesystem::path& checkpoint, const UnitRun& run) -> Law {
   // The tables' scenarios have lower numbers.
   constexpr std::uint64_t first = 1'000'000;
   const ScenarioSampler<Set> sampler(world, 1);
   const Eigen::Index kept_apart = protocol.scenarios / 5;
-  const TrajectorySet fit = scenario_trajectories(sampler, first, protocol.scenarios, frame_time, duration);
-  const TrajectorySet choose = scenario_trajectories(
-      sampler, first + static_cast<std::uint64_t>(protocol.scenarios), kept_apart, frame_time, duration);
+  const auto trajectories = [&](std::uint64_t from, Eigen::Index count) {
+    return scenario_trajectories(sampler, from, count, frame_time, duration, {.threads = run.threads});
+  };
+  const TrajectorySet fit = trajectories(first, protocol.scenarios);
+  const TrajectorySet choose =
+      trajectories(first + static_cast<std::uint64_t>(protocol.scenarios), kept_apart);
   ContactLearning options;
   options.stages = {
       {1, 1, 5 * protocol.epochs, 256}, {4, 2, 2 * protocol.epochs, 64}, {16, 8, 2 * protocol.epochs, 16}};
   options.loss = {.position = {200, 0.1}, .rotation = {35, 0.2}, .velocity = {20, 1}, .spin = {5, 4}};
   options.moment = ContactMoment::impact;
   options.seed = seed;
+  options.threads = run.threads;
   ContactTraining<Law> training(fit, choose, options);
   if (std::filesystem::exists(checkpoint)) load_checkpoint(checkpoint, training);
-  auto saved = std::chrono::steady_clock::now();
+  Every checkpoints(run.checkpoint_every);
   training.train([&](const ContactLearningReport& report) {
-    say(report);
-    if (std::chrono::steady_clock::now() - saved > std::chrono::seconds(4)) {
-      save_checkpoint(checkpoint, training);
-      saved = std::chrono::steady_clock::now();
-    }
+    if (checkpoints.due()) save_checkpoint(checkpoint, training);
+    run.advance(report.share_done);
     return true;
   });
   return training.law();

@@ -3,13 +3,13 @@
 #pragma once
 
 #include <filesystem>
-#include <functional>
 #include <rbres/learn/hybrid_law.hpp>
 #include <rbres/learn/learn_contacts.hpp>
 #include <rbres/paper/paper.hpp>
 #include <span>
 
 #include "plan.hpp"
+#include "work.hpp"
 
 namespace paper {
 
@@ -28,11 +28,9 @@ struct LawScenario {
   const Law* law;
   double horizon;  ///< s
 
-  /// Learns from scenarios that no table is made of; resumes from the checkpoint where there is one, and
-  /// leaves one every few seconds. Says after each epoch how far it is.
+  /// Learns from scenarios that no table is made of; resumes from the checkpoint where there is one.
   static Law learn(World world, const LawProtocol& protocol, std::uint64_t seed,
-                   const std::filesystem::path& checkpoint,
-                   const std::function<void(const ContactLearningReport&)>& say);
+                   const std::filesystem::path& checkpoint, const UnitRun& run);
 
   State operator()(const State& y, const Wrenches& wrench, int present) const {
     std::array<State, 1> next;

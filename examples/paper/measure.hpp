@@ -54,8 +54,8 @@ struct Bench {
 
   /// All accuracy figures of one method at horizon h.
   template <class Predict>
-  Json method(std::size_t h, const Predict& predict) const {
-    return accuracy(h, predict_all(ScenarioTransitions(data, h), 0, tests, predict));
+  Json method(std::size_t h, const Predict& predict, int threads = 0) const {
+    return accuracy(h, predict_all(ScenarioTransitions(data, h), 0, tests, predict, threads));
   }
 
   Json accuracy(std::size_t h, const Eigen::MatrixXd& predicted) const {

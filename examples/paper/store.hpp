@@ -6,6 +6,7 @@
 #include <fstream>
 #include <functional>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <rbres/io.hpp>
 
 namespace paper {
@@ -56,15 +57,21 @@ class Store {
     return folder_ / "parts" / (part + ending);
   }
 
-  /// The finished part, or what `make` finds, which is then saved. `made_from` is all that decides it: a part
-  /// that was made from something else is refused, not mixed in.
+  /// The finished part, or what `make` finds, which is then saved.
   Json part(const std::string& part, const Json& made_from, const std::function<Json()>& make) const {
+    if (std::optional<Json> found = find(part, made_from)) return *std::move(found);
+    Json found = make();
+    keep(part, made_from, found);
+    return found;
+  }
+  void keep(const std::string& part, const Json& made_from, const Json& found) const {
+    write_text(beside(part, ".json"), Json{{"made_from", made_from}, {"found", found}}.dump(1) + "\n");
+  }
+  /// The part if it is finished. `made_from` is all that decides it: a part that was made from something else
+  /// is refused, not mixed in.
+  std::optional<Json> find(const std::string& part, const Json& made_from) const {
     const auto path = beside(part, ".json");
-    if (!std::filesystem::exists(path)) {
-      Json found = make();
-      write_text(path, Json{{"made_from", made_from}, {"found", found}}.dump(1) + "\n");
-      return found;
-    }
+    if (!std::filesystem::exists(path)) return {};
     const Json all = read(path);
     if (all.contains("found") && all.contains("made_from") && all["made_from"] == made_from)
       return all["found"];

@@ -74,7 +74,8 @@ inline void add_options(CLI::App& app, Options& o) {
          "--paper", [&o] { choose_paper(o); },
          "the experiment of arXiv 2407.18798, but for what other options say:\n"
          "--world free --horizon 5 --target state --network residual10 --scenarios 100000 --epochs 200")
-      ->trigger_on_parse();
+      ->trigger_on_parse()
+      ->check(no_value);
   choice<World>(app, "--world", o.world, {{"free", World::free_space}, {"room", World::room}}, "where");
   choice<BodySet>(app, "--set", o.set, {{"standard", BodySet::standard}, {"box", BodySet::box}},
                   "the bodies");
@@ -131,8 +132,8 @@ inline void add_options(CLI::App& app, Options& o) {
   app.add_option("--start", o.start,
                  "model to go on from, whose weights and normalisation the run starts with");
   app.add_option("--checkpoint", o.checkpoint, "file to save the run to after each epoch");
-  app.add_flag("--resume", o.resume,
-               "go on from the checkpoint, to the same bits; more --epochs than it had extend its run");
+  flag(app, "--resume", o.resume,
+       "go on from the checkpoint, to the same bits; more --epochs than it had extend its run");
   app.add_option("--out", o.out, "file of the model; rbres_rollout takes that of scenarios")
       ->capture_default_str();
   app.add_option("--json", o.json, "file for the table's figures");

@@ -51,12 +51,12 @@ PrincipalInertia<S> principal_inertia(const Eigen::Matrix<S, 3, 3>& tensor) {
 namespace detail {
 
 /// The same of a solid, exact to the relative `precision`: the axes of one that is symmetric about them stay
-/// its axes, whatever the rounding.
-inline PrincipalInertia<double> principal_inertia_to(const Eigen::Matrix3d& tensor, double precision) {
-  const Eigen::Matrix3d off = tensor - Eigen::Matrix3d(tensor.diagonal().asDiagonal());
-  if (off.cwiseAbs().maxCoeff() <= 8 * precision * tensor.trace())
-    return {Vec3<double>(tensor.diagonal()), {}};
-  return principal_inertia<double>(tensor);
+/// its axes, whatever the rounding. A template, so that only who calls it compiles an eigensolver.
+template <class S>
+PrincipalInertia<S> principal_inertia_to(const Eigen::Matrix<S, 3, 3>& tensor, const S& precision) {
+  const Eigen::Matrix<S, 3, 3> off = tensor - Eigen::Matrix<S, 3, 3>(tensor.diagonal().asDiagonal());
+  if (off.cwiseAbs().maxCoeff() <= 8 * precision * tensor.trace()) return {Vec3<S>(tensor.diagonal()), {}};
+  return principal_inertia<S>(tensor);
 }
 
 }  // namespace detail

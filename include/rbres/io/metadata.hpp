@@ -58,7 +58,7 @@ std::string numbers_to_text(const Eigen::DenseBase<Derived>& numbers) {
 /// See numbers_from_metadata(): one function for matrices of all sizes.
 template <class T>
 [[gnu::cold]] void read_numbers(const SafetensorsReader& file, std::string_view key, std::span<T> numbers,
-                                Bounds bounds) {
+                                Bounds bounds = {}) {
   const std::string what = text(file.path().string(), ": metadata '", key, "'");
   const std::string expected = text(numbers.size(), " finite numbers");
   const auto found = file.metadata().find(std::string(key));

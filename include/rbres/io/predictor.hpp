@@ -59,17 +59,15 @@ struct ModelFormat<Predictor<Net, N>> {
   /// Throws Error where the file is of another predictor.
   static Model read(const SafetensorsReader& file) {
     Net network = ModelFormat<Net>::read(file);
-    Bodies bodies;
-    Forces f;
-    Eigen::Matrix<double, 1, 1> horizon;
-    detail::numbers_from_metadata(file, "flow_bodies", bodies);
-    detail::numbers_from_metadata(file, "flow_forces", f);
-    detail::numbers_from_metadata(file, "horizon", horizon, horizons);
+    double bodies[std::size_t(N)][8], f[8], horizon;
+    detail::read_numbers<double>(file, "flow_bodies", {bodies[0], 8 * std::size_t(N)});
+    detail::read_numbers<double>(file, "flow_forces", f);
+    detail::read_numbers<double>(file, "horizon", {&horizon, 1}, horizons);
     for (int i = 3; i < 8; ++i)
       if (f[i] < 0)
         detail::refuse(file.path().string() + ": flow_forces", "a fluid and damping of 0 or more", f[i]);
     const auto system = [&]<std::size_t... I>(std::index_sequence<I...>) {
-      return typename FreeFlow<N>::System({body(file, bodies.col(static_cast<Eigen::Index>(I)))...});
+      return typename FreeFlow<N>::System({body(file, bodies[I])...});
     }
     (std::make_index_sequence<std::size_t(N)>{});
     Model p{std::move(network), {}, {}, {system, {{f[0], f[1], f[2]}}, {f[3], f[4], f[5]}, {f[6], f[7]}}};
@@ -77,11 +75,10 @@ struct ModelFormat<Predictor<Net, N>> {
     detail::numbers_from_metadata(file, "input_deviation", p.input.deviation, deviations);
     detail::numbers_from_metadata(file, "output_mean", p.output.mean);
     detail::numbers_from_metadata(file, "output_deviation", p.output.deviation, deviations);
-    const std::string what = file.path().string() + ": ";
-    p.horizon = horizon[0];
+    p.horizon = horizon;
     const std::string& target = entry(file, "target");
     if (target != "residual" && target != "state")
-      detail::refuse(what + "target", "'residual' or 'state'", target);
+      detail::refuse(file.path().string() + ": target", "'residual' or 'state'", target);
     p.target = target == "residual" ? Target::residual : Target::state;
     return p;
   }
@@ -106,9 +103,9 @@ struct ModelFormat<Predictor<Net, N>> {
     const auto& capsule = std::get<Capsule<double>>(shape);
     return {capsule.radius, capsule.half_length, 0};
   }
-  static Body<double> body(const SafetensorsReader& file, const Eigen::Matrix<double, 8, 1>& n) {
+  static Body<double> body(const SafetensorsReader& file, const double (&n)[8]) {
     const auto of = [&](const AnyShape<double>& shape) -> Body<double> {
-      if (n.tail<4>().isZero(0)) return Body<double>::kinematic(shape);
+      if (n[4] == 0 && n[5] == 0 && n[6] == 0 && n[7] == 0) return Body<double>::kinematic(shape);
       return {shape, n[4], Vec3<double>{n[5], n[6], n[7]}};
     };
     if (n[0] == 0) return of(Sphere<double>{n[1]});

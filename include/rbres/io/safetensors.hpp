@@ -133,7 +133,9 @@ class SafetensorsWriter {
     std::function<void(Output&, const std::string& what, std::size_t size)> write;
   };
 
-  void write(AtomicFile& file, bool with_digest) const {
+  /// A template, so that only who writes compiles it.
+  template <class File>
+  void write(File& file, bool with_digest) const {
     const std::string path = file.path().string();
     Metadata all = metadata;
     if (!all.emplace(detail::digest_key, detail::no_digest).second)
