@@ -109,13 +109,13 @@ class ContactRows {
   /// The same, coarser and faster, for what lasts no longer than the step. It starts with friction, from the
   /// forces of the part before.
   void solve_within_step(Motions& motion, const MaskOf<S>& where) {
-    constexpr int some = 16;
+    constexpr int some = 24;
     if (all(pairs_apart())) return solve(motion, where);
     sweep(motion, where, true, as<S>(1e4) * tolerance_, some);
   }
   /// Coarser still, where forces that are found next take up what is left.
   void sweep_within_step(Motions& motion, const MaskOf<S>& where) {
-    constexpr int some = 8;
+    constexpr int some = 12;
     sweep(motion, where, true, as<S>(1e6) * tolerance_, some);
   }
 
@@ -123,7 +123,7 @@ class ContactRows {
   /// most small islands; a few sweeps others, the method of multipliers what is left. Heaps, for which that
   /// costs too much, are swept from the forces that they had, to a coarser tolerance.
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
-    constexpr int few = 12, some = 48, many = 100;
+    constexpr int few = 12, some = 96, many = 100;
     const S coarse = as<S>(2000.0) * tolerance;
     const MaskOf<S> apart = pairs_apart(), single = where & apart, joint = where & !apart;
     MaskOf<S> open(false);
