@@ -36,6 +36,7 @@ class RestingContacts {
         kept_(system),
         rests_(per_body<MaskOf<S>>(system)),
         forces_(per_body<RestingForce<S>>(system)),
+        turned_(per_body<MaskOf<S>>(system)),
         end_(per_body<Motion<S>>(system)),
         unheld_(end_),
         flown_(state_of(system)),
@@ -129,6 +130,7 @@ class RestingContacts {
       end_[index(i)].angular_velocity = free[i].angular_velocity_world();
       unheld_[index(i)] = end_[index(i)];
       forces_[index(i)] = {};
+      turned_[index(i)] = MaskOf<S>(false);
     }
     const MaskOf<S> open = left > S(0);
     const S rate = S(1) / select(open, left, S(1));
@@ -178,6 +180,11 @@ class RestingContacts {
   }
   /// What find_forces() found.
   const Forces& forces() const { return forces_; }
+  /// Other forces have this torque on body i while these act.
+  void hear(int i, const Vec3<S>& torque) {
+    const MaskOf<S> turns = squared_norm(torque) > S(0);
+    turned_[index(i)] = turned_[index(i)] | turns;
+  }
 
   /// How much deeper than at the start of a part the deepest point is in `flown`, where the contacts' forces
   /// have taken the bodies; 1: as deep as it may get. Of resting pairs, or of all. `in_crowd`: a new point
@@ -245,7 +252,7 @@ class RestingContacts {
       if (keeps(pairs, island)) continue;
       const S seconds = kept_.age(pairs[islands_[island].front()].moved.second, part);
       energy_.bound(*system_, pairs, islands_[island], at_end_, rests_,
-                    {kept_.start(y), flown_, forces_, seconds}, end);
+                    {kept_.start(y), flown_, forces_, turned_, seconds}, end);
     }
     kept_.end_part(bodies_, pairs, part);
   }
@@ -300,6 +307,7 @@ class RestingContacts {
   bool within_step_ = false;  ///< whether an impact in a crowd has ended the part before
   PerBody<MaskOf<S>, System::bodies> rests_;
   Forces forces_;
+  PerBody<MaskOf<S>, System::bodies> turned_;  ///< by other forces
   Motions end_;     ///< at the end of a part
   Motions unheld_;  ///< the same without the contacts' forces
   State flown_;     ///< where these forces have taken the bodies
