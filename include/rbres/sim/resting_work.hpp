@@ -96,7 +96,7 @@ class IslandEnergy {
     const State& y;      ///< where it begins
     const State& flown;  ///< where the contacts' forces have taken the bodies
     const PerBody<RestingForce<S>, System::bodies>& contact;
-    const Members& turned;  ///< where other forces have had a torque
+    const Members& torqued;  ///< where other forces have had a torque
     const S& seconds;
   };
 
@@ -155,8 +155,8 @@ class IslandEnergy {
       const RestingForce<S>& contact = part.contact[index(i)];
       // Of the rotation it is what no other torque did: so integrators' errors count, too.
       S turning = rotation_energy(body, flown) - rotation_energy(body, y);
-      if (const MaskOf<S> turned = part.turned[index(i)]; any(turned))
-        turning = select(turned, contact.turning_work(y, flown, part.seconds), turning);
+      if (const MaskOf<S> torqued = part.torqued[index(i)]; any(torqued))
+        turning = select(torqued, contact.turning_work(y, flown, part.seconds), turning);
       const S gained = dot(contact.force, flown.position - y.position) + turning +
                        kinetic_energy(body, end[i]) - kinetic_energy(body, flown);
       excess += select(members[index(i)], gained, S(0));
