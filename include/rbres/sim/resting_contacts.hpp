@@ -5,6 +5,7 @@
 #include <rbres/contact/pair_search.hpp>
 #include <rbres/sim/kept_islands.hpp>
 #include <rbres/sim/resting_points.hpp>
+#include <rbres/sim/resting_turn.hpp>
 #include <rbres/sim/resting_work.hpp>
 #include <span>
 
@@ -36,12 +37,13 @@ class RestingContacts {
         kept_(system),
         rests_(per_body<MaskOf<S>>(system)),
         forces_(per_body<RestingForce<S>>(system)),
+        torqued_(per_body<MaskOf<S>>(system)),
+        turns_(system),
         end_(per_body<Motion<S>>(system)),
         unheld_(end_),
         flown_(state_of(system)),
         last_(flown_) {
     at_end_.reserve(most_part_pairs(system));
-    turns_.reserve(most_part_pairs(system));
   }
 
   /// A state that did not come out of the last step owes nothing to it.
@@ -129,6 +131,7 @@ class RestingContacts {
       end_[index(i)].angular_velocity = free[i].angular_velocity_world();
       unheld_[index(i)] = end_[index(i)];
       forces_[index(i)] = {};
+      torqued_[index(i)] = MaskOf<S>(false);
     }
     const MaskOf<S> open = left > S(0);
     const S rate = S(1) / select(open, left, S(1));
@@ -136,19 +139,19 @@ class RestingContacts {
     const S kept_rate = select(left * pull.largest() > as<S>(1e-4), rate, S(0));
     memory_.start();
     at_end_.resize(pairs.size());
-    turns_.resize(pairs.size());
+    turns_.start(bodies_, motion, left, pairs.size());
     for (std::size_t island = 0; island < islands_.count(); ++island) {
       if (keeps(pairs, island)) {
         for (const std::size_t k : islands_[island]) memory_.keep(pairs[k]);
         continue;
       }
-      turn_halfway(pairs, island, y, motion, left);
+      turns_.find_halfway(*system_, pairs, islands_[island], y, at_end_);
       take_up(pairs, island, [&](std::size_t k, const Pair& pair, std::size_t i) {
         const S target = closing_speed(pair, pair.manifold, i, pull) - pair.speed[i];
         const auto add = [&](const typename Pair::Contact& there) -> auto& {
           return rows_.add(pair, there, i, pair.resting[i], target, pair.surface.friction, end_);
         };
-        if (!turns_[k]) {
+        if (!turns_.moves(k)) {
           add(pair.manifold);
           return;
         }
@@ -160,7 +163,15 @@ class RestingContacts {
         for (S& p : impulse) p = select(row.active, S(left * p), S(0));
         point.add(impulse, first, second);
       });
-      within_step_ ? rows_.solve_within_step(end_, open) : rows_.solve(end_, open);
+      const auto foresee = [&] {
+        return open & turns_.foresee(*system_, pairs, islands_[island], y, free, left, unheld_, end_);
+      };
+      const auto solve = [&](const MaskOf<S>& where) {
+        within_step_ ? rows_.solve_within_step(end_, where) : rows_.solve(end_, where);
+      };
+      foresee();
+      solve(open);
+      if (const MaskOf<S> news = foresee(); any(news)) solve(news);
       rows_.each(end_, [&](auto& row, auto& point, auto&, auto&) {
         memory_.keep(row, kept_rate, open);
         if (row.moved.first >= 0) add_paired_force(row, point, y, end_, rate, forces_);
@@ -172,12 +183,19 @@ class RestingContacts {
       const Motion<S>&m = end_[index(i)], &b = unheld_[index(i)];
       const Mat3<S> axes = rotation_matrix(y[i].orientation);
       const Vec3<S> spin = axes.transposed_times(m.angular_velocity - b.angular_velocity);
-      forces_[index(i)].force = (rate * (*system_)[i].mass()) * (m.velocity - b.velocity);
-      forces_[index(i)].torque = rate * (axes * scale((*system_)[i].inertia(), spin));
+      RestingForce<S>& contact = forces_[index(i)];
+      contact.force = (rate * (*system_)[i].mass()) * (m.velocity - b.velocity);
+      contact.torque = rate * (axes * scale((*system_)[i].inertia(), spin));
+      turns_.turn(i, rate, contact);
     }
   }
   /// What find_forces() found.
   const Forces& forces() const { return forces_; }
+  /// Other forces have this torque on body i while these act.
+  void note_torque(int i, const Vec3<S>& torque) {
+    const MaskOf<S> turns = squared_norm(torque) > S(0);
+    torqued_[index(i)] = torqued_[index(i)] | turns;
+  }
 
   /// How much deeper than at the start of a part the deepest point is in `flown`, where the contacts' forces
   /// have taken the bodies; 1: as deep as it may get. Of resting pairs, or of all. `in_crowd`: a new point
@@ -245,7 +263,7 @@ class RestingContacts {
       if (keeps(pairs, island)) continue;
       const S seconds = kept_.age(pairs[islands_[island].front()].moved.second, part);
       energy_.bound(*system_, pairs, islands_[island], at_end_, rests_,
-                    {kept_.start(y), flown_, forces_, seconds}, end);
+                    {kept_.start(y), flown_, forces_, torqued_, seconds}, end);
     }
     kept_.end_part(bodies_, pairs, part);
   }
@@ -286,22 +304,6 @@ class RestingContacts {
     }
   }
 
-  /// Notes where bodies that turn touch their planes halfway through the next `left` seconds: a constant
-  /// force acts with that arm, to the second order.
-  void turn_halfway(const Pairs& pairs, std::size_t island, const State& y, const Motions& motion,
-                    const S& left) {
-    for (const std::size_t k : islands_[island]) {
-      const Pair& pair = pairs[k];
-      turns_[k] = false;
-      if (Pair::central || !pair.plane()) continue;
-      const Vec3<S> half = S(as<S>(0.5) * left) * motion[index(pair.who.second)].angular_velocity;
-      const MaskOf<S> turns = squared_norm(half) > as<S>(1e-20);  // less is rounding
-      turns_[k] = any(turns);
-      if (!turns_[k]) continue;
-      pair.find_turned(*system_, y[pair.who.second], select(turns, half, Vec3<S>{}), at_end_[k]);
-    }
-  }
-
   const System* system_;
   Bodies bodies_;  ///< that may rest
   Islands<System> islands_;
@@ -312,13 +314,14 @@ class RestingContacts {
   bool within_step_ = false;  ///< whether an impact in a crowd has ended the part before
   PerBody<MaskOf<S>, System::bodies> rests_;
   Forces forces_;
+  PerBody<MaskOf<S>, System::bodies> torqued_;  ///< whether other forces turn it
+  RestingTurns<System> turns_;
   Motions end_;     ///< at the end of a part
   Motions unheld_;  ///< the same without the contacts' forces
   State flown_;     ///< where these forces have taken the bodies
   Reserved<typename Pair::Contact, pair_room<System>>
-      at_end_;                               ///< how the resting pairs meet at the end of a part, or halfway
-  Reserved<char, pair_room<System>> turns_;  ///< which pairs' points move with a turn about their plane
-  State last_;                               ///< where the last step ended
+      at_end_;  ///< how the resting pairs meet at the end of a part, or halfway
+  State last_;  ///< where the last step ended
 };
 
 }  // namespace rbres::RBRES_ABI::detail

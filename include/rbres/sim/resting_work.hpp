@@ -23,17 +23,17 @@ struct RestingForce {
   Vec3<S> torque_at(const S& time, const Vec3<S>& way) const {
     return torque + time * (drift + time * bend) - cross(way, paired);
   }
-  /// The work that it does (J) on a body that goes from one state to another in `time` (s), to the fifth
-  /// order in the time: Simpson's rule, with the integral of the angular velocity from the turn itself
+  /// The work that the torque does (J) on a body that goes from one state to another in `time` (s), to the
+  /// fifth order in the time: Simpson's rule, with the integral of the angular velocity from the turn itself
   /// (Magnus's expansion; Iserles, Munthe-Kaas, Norsett, Zanna 2000, section 4).
-  S work(const RigidState<S>& from, const RigidState<S>& to, const S& time) const {
+  S turning_work(const RigidState<S>& from, const RigidState<S>& to, const S& time) const {
     const Vec3<S> way = to.position - from.position;
     const Vec3<S> halfway = as<S>(0.5) * way + S(as<S>(0.125) * time) * (from.velocity - to.velocity);
     const Vec3<S> w0 = from.angular_velocity_world(), w1 = to.angular_velocity_world();
     const Vec3<S> turn = quaternion_log(to.orientation * from.orientation.conjugate()) +
                          S(time * time / as<S>(12)) * cross(w0, w1);
     const Vec3<S> middle = torque_at(S(as<S>(0.5) * time), halfway);
-    return dot(force, way) + dot(middle, turn) +
+    return dot(middle, turn) +
            time / as<S>(6) * (dot(torque - middle, w0) + dot(torque_at(time, way) - middle, w1));
   }
 };
@@ -96,6 +96,7 @@ class IslandEnergy {
     const State& y;      ///< where it begins
     const State& flown;  ///< where the contacts' forces have taken the bodies
     const PerBody<RestingForce<S>, System::bodies>& contact;
+    const Members& torqued;  ///< where other forces have had a torque
     const S& seconds;
   };
 
@@ -125,6 +126,10 @@ class IslandEnergy {
  private:
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
+  static S rotation_energy(const auto& body, const RigidState<S>& state) {
+    return kinetic_energy(S(0), body.inertia(), state);
+  }
+
   /// The same for the island of `members`.
   void bound_members(const System& system, const Pairs& pairs, std::span<const std::size_t> island,
                      const Contacts& at_end, const Members& members, const Part& part, State& end) {
@@ -146,8 +151,14 @@ class IslandEnergy {
     S excess(0), before(0);
     for (const int i : bodies_) {
       const auto& body = system[i];
-      const S gained = part.contact[index(i)].work(part.y[i], part.flown[i], part.seconds) +
-                       kinetic_energy(body, end[i]) - kinetic_energy(body, part.flown[i]);
+      const RigidState<S>&y = part.y[i], &flown = part.flown[i];
+      const RestingForce<S>& contact = part.contact[index(i)];
+      // Of the rotation it is what no other torque did: so integrators' errors count, too.
+      S turning = rotation_energy(body, flown) - rotation_energy(body, y);
+      if (const MaskOf<S> torqued = part.torqued[index(i)]; any(torqued))
+        turning = select(torqued, contact.turning_work(y, flown, part.seconds), turning);
+      const S gained = dot(contact.force, flown.position - y.position) + turning +
+                       kinetic_energy(body, end[i]) - kinetic_energy(body, flown);
       excess += select(members[index(i)], gained, S(0));
       before += select(members[index(i)], kinetic_energy(body, part.y[i]), S(0));
     }

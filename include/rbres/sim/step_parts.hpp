@@ -190,6 +190,7 @@ class StepParts {
           const auto& kept = resting_.kept();
           const Vec3<S> torque =
               c.torque_at(kept.age(i, S(at - now)), state.position - kept.start(y)[i].position);
+          resting_.note_torque(i, wrench.torque);
           return wrench + Wrench<S>{c.force, rotate_back(state.orientation, torque)};
         };
         if (resting) {

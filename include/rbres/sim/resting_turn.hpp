@@ -1,0 +1,145 @@
+#pragma once
+
+#include <algorithm>
+#include <limits>
+#include <rbres/contact/contact_pair.hpp>
+#include <rbres/core/lie.hpp>
+#include <rbres/sim/resting_work.hpp>
+#include <span>
+
+namespace rbres::RBRES_ABI::detail {
+
+/// Impulses change the angular velocity at the end of a part of so many `seconds` as if the body were there
+/// as it is in y. What its turn changes about that, world frame, rad/s: its angular momentum is that of the
+/// `free` flight and their own, where they take it; to the second order in the time. `change` is what they do
+/// to its angular velocity, world frame, rad/s.
+template <class S, class Shape>
+Vec3<S> change_by_turn(const Body<S, Shape>& body, const RigidState<S>& y, const RigidState<S>& free,
+                       const Vec3<S>& change, const S& seconds) {
+  const Vec3<S>&inertia = body.inertia(), &inverse = body.inverse_inertia();
+  const Vec3<S> impulse = rotate(y.orientation, scale(inertia, rotate_back(y.orientation, change)));
+  // In the frame in which free flight ends.
+  const Vec3<S> momentum = scale(inertia, free.angular_velocity) + rotate_back(free.orientation, impulse);
+  const Vec3<S> spin = scale(inverse, momentum), changed = rotate_back(free.orientation, change);
+  const Vec3<S> turn = S(as<S>(0.5) * seconds) * changed;
+  const Vec3<S> turned = spin + cross(turn, spin) - scale(inverse, cross(turn, momentum));
+  return rotate(free.orientation, turned - free.angular_velocity - changed);
+}
+
+/// What it means for resting contacts that bodies turn while their forces act.
+template <class System>
+class RestingTurns {
+  using S = typename System::Scalar;
+  using State = typename System::State;
+  using Pair = ContactPair<System>;
+  using Pairs = ContactPairs<System>;
+  using Motions = typename Pair::Motions;
+  using Contacts = Reserved<typename Pair::Contact, pair_room<System>>;
+  using Island = std::span<const std::size_t>;
+
+ public:
+  explicit RestingTurns(const System& system)
+      : half_(per_body<Vec3<S>>(system)),
+        upright_(half_),
+        planes_(per_body<S>(system)),
+        turns_(per_body<MaskOf<S>>(system)),
+        spins_(turns_),
+        foreseen_(half_),
+        seen_(per_body<int>(system)) {
+    moves_.reserve(most_part_pairs(system));
+  }
+
+  /// A part of so many seconds, of `bodies` and this many pairs.
+  void start(const BodyIndices<System::bodies>& bodies, const Motions& motion, const S& seconds,
+             std::size_t pairs) {
+    moves_.resize(pairs);
+    for (const int i : bodies) {
+      half_[index(i)] = S(as<S>(0.5) * seconds) * motion[index(i)].angular_velocity;
+      upright_[index(i)] = {};
+      planes_[index(i)] = S(0);
+      const S turn2 = squared_norm(half_[index(i)]);
+      turns_[index(i)] = turn2 > as<S>(1e-20);  // its square is more than rounding
+      spins_[index(i)] = turn2 > as<S>(1e-12);  // its third power is, too
+      foreseen_[index(i)] = {};
+    }
+  }
+
+  /// Finds where an island's bodies touch their planes halfway through the part: a constant force acts with
+  /// that arm, to the second order.
+  void find_halfway(const System& system, const Pairs& pairs, Island island, const State& y,
+                    Contacts& halfway) {
+    for (const std::size_t k : island) {
+      const Pair& pair = pairs[k];
+      const MaskOf<S>& turns = turns_[index(pair.who.second)];
+      moves_[k] = !Pair::central && pair.plane() && any(turns);
+      if (!moves_[k]) continue;
+      note_plane(index(pair.who.second), pair.manifold.normal,
+                 pair.any_resting & spins_[index(pair.who.second)]);
+      const Vec3<S> turn = select(turns, half_[index(pair.who.second)], Vec3<S>{});
+      pair.find_turned(system, y[pair.who.second], turn, halfway[k]);
+    }
+  }
+  /// Whether the points of pair k with its plane have moved there.
+  bool moves(std::size_t k) const { return moves_[k]; }
+
+  /// The torque on body i, mean over the part (1 / `rate` s), turns with it about the normal of the plane on
+  /// which it rests: so does what that keeps from tilting.
+  void turn(int i, const S& rate, RestingForce<S>& contact) const {
+    const Vec3<S>& normal = upright_[index(i)];
+    const Vec3<S> half = cross(dot(normal, half_[index(i)]) * normal, contact.torque);
+    contact.torque -= half;
+    contact.drift += S(as<S>(2.0) * rate) * half;
+  }
+
+  /// Moves `end`, which impulses have reached from `unheld`, and that with it, by what the turn of an
+  /// island's bodies changes about them: impulses that are found next know of it. Returns where that is more
+  /// than a tenth off what was known: where forces are not those of the part before.
+  MaskOf<S> foresee(const System& system, const Pairs& pairs, Island island, const State& y,
+                    const State& free, const S& seconds, Motions& unheld, Motions& end) {
+    using Real = typename Constants<S>::Real;
+    constexpr double epsilon = std::numeric_limits<Real>::epsilon();
+    constexpr double counts = std::max(1e-16, 64 * epsilon * epsilon);  // of the square of a spin
+    MaskOf<S> news(false);
+    if constexpr (Pair::central) return news;  // balls alone: their arms do not turn
+    ++round_;
+    for (const std::size_t k : island) {
+      for (const int i : {pairs[k].moved.first, pairs[k].moved.second}) {
+        if (i < 0 || seen_[index(i)] == round_ || !any(spins_[index(i)])) continue;
+        seen_[index(i)] = round_;
+        Vec3<S>&from = unheld[index(i)].angular_velocity, &to = end[index(i)].angular_velocity,
+        &known = foreseen_[index(i)];
+        const S noise = as<S>(counts) * squared_norm(to);
+        if (!any(squared_norm(to - from) + squared_norm(known) > noise)) continue;
+        const Vec3<S> change = change_by_turn(system[i], y[i], free[i], Vec3<S>(to - from), seconds);
+        const Vec3<S> more = select(spins_[index(i)], change - known, Vec3<S>{});
+        const MaskOf<S> differs = squared_norm(more) > maximum(S(as<S>(0.01) * squared_norm(change)), noise);
+        news = news | differs;
+        known += more;
+        from += more;
+        to += more;
+      }
+    }
+    return news;
+  }
+
+ private:
+  static std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+  /// A body rests on a plane in the lanes `where`. Another one leaves it no axis.
+  void note_plane(std::size_t body, const Vec3<S>& normal, const MaskOf<S>& where) {
+    const MaskOf<S> other = where & (dot(normal, upright_[body]) < as<S>(0.999));
+    upright_[body] = select(other, select(planes_[body] > S(0), Vec3<S>{}, normal), upright_[body]);
+    planes_[body] += select(where, S(1), S(0));
+  }
+
+  PerBody<Vec3<S>, System::bodies> half_;             ///< turn until halfway, rad, world frame
+  PerBody<Vec3<S>, System::bodies> upright_;          ///< normal of the only plane on which it rests, or zero
+  PerBody<S, System::bodies> planes_;                 ///< on which it rests
+  PerBody<MaskOf<S>, System::bodies> turns_, spins_;  ///< where the square, the third power of that counts
+  PerBody<Vec3<S>, System::bodies> foreseen_;         ///< change of the end's angular velocity, rad/s
+  PerBody<int, System::bodies> seen_;                 ///< in which round that was
+  int round_ = 0;
+  Reserved<char, pair_room<System>> moves_;  ///< which pairs' points move with a turn about their plane
+};
+
+}  // namespace rbres::RBRES_ABI::detail
