@@ -30,6 +30,7 @@ class RestingContacts {
 
   explicit RestingContacts(const System& system)
       : system_(&system),
+        in_crowd_(is_crowd(system)),
         islands_(system),
         rows_(system),
         memory_(system, rows_.capacity()),
@@ -171,7 +172,8 @@ class RestingContacts {
       };
       foresee();
       solve(open);
-      if (const MaskOf<S> news = foresee(); any(news)) solve(news);
+      // A crowd is solved from the forces of the step before, which are near enough.
+      if (const MaskOf<S> news = in_crowd_ ? MaskOf<S>(false) : foresee(); any(news)) solve(news);
       rows_.each(end_, [&](auto& row, auto& point, auto&, auto&) {
         memory_.keep(row, kept_rate, open);
         if (row.moved.first >= 0) add_paired_force(row, point, y, end_, rate, forces_);
@@ -198,9 +200,10 @@ class RestingContacts {
   }
 
   /// How much deeper than at the start of a part the deepest point is in `flown`, where the contacts' forces
-  /// have taken the bodies; 1: as deep as it may get. Of resting pairs, or of all. `in_crowd`: a new point
-  /// may end the part, which is cheap; else parts are so short there that runs do not depend on rounding.
-  S sunk(const Pairs& pairs, const State& flown, bool all, bool in_crowd) {
+  /// have taken the bodies; 1: as deep as it may get. Of resting pairs, or of all. In
+  /// a crowd a new point may end the part, which is cheap; else parts are so short there that runs do not
+  /// depend on rounding.
+  S sunk(const Pairs& pairs, const State& flown, bool all) {
     at_end_.resize(pairs.size());
     S worst(0);
     for (std::size_t k = 0; k < pairs.size(); ++k) {
@@ -219,7 +222,7 @@ class RestingContacts {
       }
       S most = pair.most_sinking();
       // A part may end where a new point of a resting pair shows: as deep as impact_time() lets it get.
-      if (in_crowd && all && !pair.fixed_points())
+      if (in_crowd_ && all && !pair.fixed_points())
         most = select(pair.any_resting, S(as<S>(1.05) * pair.near), most);
       worst = maximum(worst, S(deeper / most));
     }
@@ -305,6 +308,7 @@ class RestingContacts {
   }
 
   const System* system_;
+  bool in_crowd_;
   Bodies bodies_;  ///< that may rest
   Islands<System> islands_;
   ContactRows<System> rows_;

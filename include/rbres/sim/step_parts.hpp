@@ -224,8 +224,7 @@ class StepParts {
         // Forces that are constant over a part, and the interpolation that finds impacts, are off by the
         // third and fourth power of its duration: where bodies end too deep, it must be shorter.
         const S shortest = as<S>(1.0 / 512) * h;
-        const MaskOf<S> divides = ahead > shortest,
-                        sinks = resting_.sunk(pairs, part_end_, cut, in_crowd_) > S(1);
+        const MaskOf<S> divides = ahead > shortest, sinks = resting_.sunk(pairs, part_end_, cut) > S(1);
         const MaskOf<S> deep = running & divides & sinks;
         if (any(deep)) {
           longest = select(deep, maximum(S(as<S>(0.5) * ahead), shortest), longest);
