@@ -120,10 +120,10 @@ class ContactRows {
   }
 
   /// The same to `tolerance` (m/s), with or without friction. Newton's method solves most single pairs and
-  /// most small islands; a few sweeps others, the method of multipliers what is left. Heaps, for which that
-  /// costs too much, are swept from the forces that they had, to a coarser tolerance.
+  /// most small islands; a few sweeps others, the method of multipliers what is left. Large heaps, for which
+  /// that costs too much, are swept on, to a coarser tolerance.
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
-    constexpr int few = 12, some = 96, many = 100;
+    constexpr int few = 12, many = 100;
     const S coarse = as<S>(2000.0) * tolerance;
     const MaskOf<S> apart = pairs_apart(), single = where & apart, joint = where & !apart;
     MaskOf<S> open(false);
@@ -137,12 +137,6 @@ class ContactRows {
     }
     if (any(joint)) {
       MaskOf<S> left = coupled_.solve(*this, motion, joint, friction, tolerance, coarse);
-      if constexpr (in_registers) {
-        if (in_crowd_ && left && !newton_.fits(*this, motion)) {
-          sweep(motion, left, friction, coarse, some);
-          return;
-        }
-      }
       // Friction comes second: what it answers before the normals agree only slows it down.
       if (any(left)) left = sweep(motion, left, false, tolerance, few);
       if (any(left) && friction) left = sweep(motion, left, true, tolerance, few);

@@ -25,6 +25,27 @@ typename System::Scalar speed_bound(const System& system, const Candidate& who,
   return maximum(bound(start), bound(end));
 }
 
+/// No point of the pair's surfaces is farther from where it was, relative to the other body, m.
+template <class System>
+typename System::Scalar displacement_bound(const System& system, const Candidate& who,
+                                           const typename System::State& start,
+                                           const typename System::State& end) {
+  using S = typename System::Scalar;
+  Vec3<S> way = end[who.second].position - start[who.second].position;
+  if (who.first >= 0) way -= end[who.first].position - start[who.first].position;
+  S bound = norm(way);
+  for (const int i : {who.first, who.second}) {
+    if (i < 0) continue;
+    // A turn by an angle t moves a point by 2 sin(t / 2) levers, and quaternions by 2 sin(t / 4).
+    const Quat<S>&q = start[i].orientation, &r = end[i].orientation;
+    const S chord2 =
+        square(S(r.x - q.x)) + square(S(r.y - q.y)) + square(S(r.z - q.z)) + square(S(r.w - q.w));
+    const S lever = with_shape(system[i].shape(), [](const auto& s) { return s.lever(); });
+    bound += S(2) * lever * positive_root(S(chord2 + S(Constants<S>::tiny)));
+  }
+  return bound;
+}
+
 /// When a pair touches between `start` and `end`, `part` seconds later, at a point that does not rest; `part`
 /// where it does not; earlier where the walk ended before. `pair` knows the start; `end_motion` is that of
 /// `end`, `at` any state. `lost` gains the lanes in which the pair goes so far that no number of looks would
@@ -70,8 +91,12 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
 
   const S fastest = speed_bound(system, pair.who, start, end) + as<S>(1e-6) * pair.speed_scale;
   const S gap_start = lowest(pair.manifold);
-  const MaskOf<S> reaches = gap_start < as<S>(1.01) * fastest * part;
-  if (!any(counted & reaches)) return part;
+  // What can neither reach the other on its way nor end there is not looked at.
+  const MaskOf<S> passes = gap_start < fastest * part;
+  if (!any(counted & passes)) {
+    const MaskOf<S> ends_near = gap_start <= displacement_bound(system, pair.who, start, end);
+    if (!any(counted & ends_near)) return part;
+  }
   typename Pair::Contact after;
   pair.find(system, end, after);
   Approach<S> approach{part, gap_start, lowest(after), fastest, part, pair.touch, pair.size};

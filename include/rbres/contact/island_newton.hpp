@@ -23,12 +23,6 @@ class IslandNewton {
  public:
   IslandNewton(const System& system, std::size_t most_rows) : equations_(system) { rows_.reserve(most_rows); }
 
-  /// Whether it takes an island so large.
-  template <class Rows, class Motions>
-  bool fits(Rows& rows, Motions& motion) {
-    return take_up(rows, motion);
-  }
-
   /// Changes the impulses of `rows` (ContactRows) and the velocities in `motion` in the lanes `where`, until
   /// no law is off by more than `tolerance` (m/s), or none gets better. False, with nothing done, for islands
   /// too large for it.
