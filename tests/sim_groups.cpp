@@ -196,6 +196,37 @@ TEST_CASE("a pyramid on a slope stands in a crowd as it does alone") {
   stand(12);  // a crowd
 }
 
+TEST_CASE("what is placed at rest stays there, in a crowd, too") {
+  const Material<double> material{0, 0.5};
+  std::vector<Body<double>> bodies;
+  State y;
+  double still = 1e-9;  // m in 0.2 s
+  SUBCASE("a pyramid of 45 boxes") {
+    for (int row = 0; row < 9; ++row) {
+      for (int k = 0; k < 9 - row; ++k) {
+        bodies.push_back({Box{0.1, 0.1, 0.1}, 1.0, material});
+        y.body.push_back({{0.202 * (k + 0.5 * row), 0, 0.1 + 0.2 * row}});
+      }
+    }
+  }
+  SUBCASE("a slab of 10 t on 36 boxes of 1 kg") {
+    for (int i = 0; i < 36; ++i) {
+      bodies.push_back({Box{0.1, 0.1, 0.1}, 1.0, material});
+      y.body.push_back({{0.21 * (i % 6), 0.21 * (i / 6), 0.1}});
+    }
+    bodies.push_back({Box{0.66, 0.66, 0.1}, 1e4, material});
+    y.body.push_back({{0.525, 0.525, 0.3}});
+    still = 1e-7;
+  }
+  const Crowd world{bodies, {floor_plane(material)}};
+  const State start = y;
+  simulate(world, y, Gravity{}, Rk4{}, {.step = 2e-3, .duration = 0.2});
+  CHECK(farthest(y, start) < 1e-7);
+  const State later = y;
+  simulate(world, y, Gravity{}, Rk4{}, {.step = 2e-3, .duration = 0.2});
+  CHECK(farthest(y, later) < still);
+}
+
 TEST_CASE("islands of resting contacts that an impact does not reach keep their forces, in a crowd") {
   for (const int count : {32, 33}) {
     CAPTURE(count);

@@ -1,5 +1,6 @@
 #include <doctest/doctest.h>
 
+#include <numbers>
 #include <rbres/rbres.hpp>
 
 #include "../examples/common/count_allocations.hpp"
@@ -546,4 +547,24 @@ TEST_CASE("discrete contact: what is pushed into two others meets the nearer one
   const auto a = end(2, 3), b = end(3, 2);
   CHECK(norm(a[2].position - b[3].position) < 1e-15);
   CHECK(norm(a[3].position - b[2].position) < 1e-15);
+}
+
+TEST_CASE("a body that is slow at both ends of a step and fast between meets what is in its way") {
+  const Material<double> material{0.5, 0.3};
+  const double h = 1e-2;
+  for (const double angle : {2.0, 2.5, 2.7, std::numbers::pi}) {
+    const double rate = angle / h;
+    const System<double, 2> system{
+        {Body<double>(Sphere{0.1}, 1.0, material), Body<double>::kinematic(Sphere{0.1}, material)}, {}};
+    SystemState<double, 2> y;
+    y[0].position = {1, 0, 0};
+    y[1].position = {std::cos(angle) - 0.15, 0, 0};
+    const auto spring = [&](const auto& body, const auto& state) {
+      return body.is_kinematic() ? Wrench<double>{}
+                                 : Wrench<double>{-rate * rate * body.mass() * state.position, {}};
+    };
+    const auto report = simulate(system, y, spring, DormandPrince54{}, {.step = h, .duration = h});
+    CHECK(report.impacts == 1);
+    CHECK(norm(y[1].position - y[0].position) > 0.2 - 1e-6);
+  }
 }
