@@ -57,8 +57,11 @@ Shape any_shape(Random& r, double size) {
     if (r.below(3) == 0) return Shape::cylinder(radius, around(), 3 + static_cast<int>(r.below(14)));
     if (r.below(2) == 0) return Shape::cone(radius, 2 * around(), 3 + static_cast<int>(r.below(14)));
     std::vector<Vector> points(4 + r.below(12));
-    for (Vector& p : points) p = normal_vector(r, radius / 1.5);
-    return Shape(points);
+    for (;;) {  // until it is thick enough for float, too
+      for (Vector& p : points) p = normal_vector(r, radius / 1.5);
+      const Shape hull(points);
+      if (hull.inner_radius() > 1e-3 * hull.bounding_radius()) return hull;
+    }
   } else if constexpr (rbres::detail::PartsOf<Shape>::compound) {
     std::vector<typename Shape::Part> parts;
     const auto count = 1 + static_cast<std::size_t>(r.below(Shape::most_parts));
