@@ -239,7 +239,8 @@ class RestingContacts {
   /// Changes the velocities of `end`, for which sunk() was asked, in islands that do not keep their forces,
   /// so that no resting point approaches, and contacts have done no work that they cannot do from y on, in
   /// `part` seconds.
-  void settle(const Pairs& pairs, const State& y, State& end, const S& part, const ClosingRate<S>& pull) {
+  void correct_velocities(const Pairs& pairs, const State& y, State& end, const S& part,
+                          const ClosingRate<S>& pull) {
     for (const int i : bodies_) flown_[i] = end[i];
     set_motions(*system_, bodies_, end, end_);
     for (std::size_t island = 0; island < islands_.count(); ++island) {

@@ -236,7 +236,7 @@ class StepParts {
       // them.
       const MaskOf<S> early = ahead < left;
       if (resting) resting_.keep_undisturbed(pairs, in_crowd_ && cut && !any(early), duration);
-      if (resting) resting_.settle(pairs, y, part_end_, duration, pull);
+      if (resting) resting_.correct_velocities(pairs, y, part_end_, duration, pull);
       replace(running, part_end_, y);
       if constexpr (System::bodies == dynamic && !Packed<S>) {
         resting ? resting_.note_manifolds(pairs, y, cut) : search_.forget();
