@@ -43,6 +43,12 @@ struct Clusters {
   Crowd system(std::vector<Plane<double>> planes) const { return {bodies, std::move(planes)}; }
 };
 
+RigidState<double> at(double x, double y, double z) {
+  RigidState<double> body;
+  body.position = {x, y, z};
+  return body;
+}
+
 double farthest(const State& a, const State& b) {
   double worst = 0;
   for (int i = 0; i < a.size(); ++i) worst = std::max(worst, norm(a[i].position - b[i].position));
@@ -170,12 +176,12 @@ TEST_CASE("a pyramid on a slope stands in a crowd as it does alone") {
     for (int row = 0; row < 6; ++row) {
       for (int k = 0; k < 6 - row; ++k) {
         bodies.push_back({Box{0.1, 0.1, 0.1}, 1.0, material});
-        y.body.push_back({{0.21 * k + 0.105 * row, 0, 0.1 + 0.2 * row}});
+        y.body.push_back(at(0.21 * k + 0.105 * row, 0, 0.1 + 0.2 * row));
       }
     }
     for (int i = 0; i < others; ++i) {
       bodies.push_back({Sphere{0.1}, 1.0, material});
-      y.body.push_back({{10.0 + i, 0, 0.1}});
+      y.body.push_back(at(10.0 + i, 0, 0.1));
     }
     const Crowd world{bodies, {floor_plane(material)}};
     // Gravity leans by 10 degrees; spheres lean against nothing and roll.
@@ -205,17 +211,17 @@ TEST_CASE("what is placed at rest stays there, in a crowd, too") {
     for (int row = 0; row < 9; ++row) {
       for (int k = 0; k < 9 - row; ++k) {
         bodies.push_back({Box{0.1, 0.1, 0.1}, 1.0, material});
-        y.body.push_back({{0.202 * (k + 0.5 * row), 0, 0.1 + 0.2 * row}});
+        y.body.push_back(at(0.202 * (k + 0.5 * row), 0, 0.1 + 0.2 * row));
       }
     }
   }
   SUBCASE("a slab of 10 t on 36 boxes of 1 kg") {
     for (int i = 0; i < 36; ++i) {
       bodies.push_back({Box{0.1, 0.1, 0.1}, 1.0, material});
-      y.body.push_back({{0.21 * (i % 6), 0.21 * (i / 6), 0.1}});
+      y.body.push_back(at(0.21 * (i % 6), 0.21 * (i / 6), 0.1));
     }
     bodies.push_back({Box{0.66, 0.66, 0.1}, 1e4, material});
-    y.body.push_back({{0.525, 0.525, 0.3}});
+    y.body.push_back(at(0.525, 0.525, 0.3));
     still = 1e-7;
   }
   const Crowd world{bodies, {floor_plane(material)}};

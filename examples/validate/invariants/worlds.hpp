@@ -60,7 +60,7 @@ Shape any_shape(Random& r, double size) {
     for (;;) {  // until it is thick enough for float, too
       for (Vector& p : points) p = normal_vector(r, radius / 1.5);
       const Shape hull(points);
-      if (hull.inner_radius() > 1e-3 * hull.bounding_radius()) return hull;
+      if (hull.inner_radius() > 0.02 * hull.bounding_radius()) return hull;
     }
   } else if constexpr (rbres::detail::PartsOf<Shape>::compound) {
     std::vector<typename Shape::Part> parts;
