@@ -237,7 +237,8 @@ TEST_CASE("islands of resting contacts that an impact does not reach keep their 
   for (const int count : {32, 33}) {
     CAPTURE(count);
     const Material<double> material{0.3, 0.5};
-    const std::vector<Body<double>> bodies(std::size_t(count), Body<double>(Sphere{0.1}, 1.0, material));
+    const std::vector<Body<double>> bodies(std::size_t(count),
+                                           Body<double>(Sphere<double>{0.1}, 1.0, material));
     const Crowd world{bodies, {floor_plane(material)}};
     using Pair = detail::ContactPair<Crowd>;
     detail::Reserved<Pair> pairs;

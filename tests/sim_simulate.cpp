@@ -359,7 +359,7 @@ TEST_CASE("a box that spins flat on a smooth floor with its axes turned does not
   const Material<double> smooth{0, 0};
   const Eigen::Matrix3d turn = Eigen::Quaterniond(0.9, 0.2, -0.3, 0.1).normalized().toRotationMatrix();
   const Eigen::Matrix3d tensor = turn * Eigen::Vector3d(0.010, 0.014, 0.02).asDiagonal() * turn.transpose();
-  const Body<double, Box<double>> body(Box{0.2, 0.15, 0.1}, 1.0,
+  const Body<double, Box<double>> body(Box<double>{0.2, 0.15, 0.1}, 1.0,
                                        Eigen::Matrix3d(0.5 * (tensor + tensor.transpose())), smooth);
   const System<double, 1, Box<double>> system{{body}, {floor_plane(smooth)}};
   const Vec3<double> gravity{0, 0, -9.81};
