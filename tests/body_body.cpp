@@ -62,7 +62,7 @@ TEST_CASE("any inertia tensor is taken to its principal axes") {
   CHECK(axes.determinant() == doctest::Approx(1));
 
   // The body's frame is the principal one; its shape stands turned in it.
-  const Body<double, Box<double>> body(Box{0.1, 0.2, 0.3}, 4.0, tensor);
+  const Body<double, Box<double>> body(Box<double>{0.1, 0.2, 0.3}, 4.0, tensor);
   RigidState<double> state;
   const Mat3<double> shape = shape_pose(body, state).axes;
   const Eigen::Vector3d x = Eigen::Vector3d(shape.x);

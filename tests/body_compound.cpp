@@ -164,7 +164,7 @@ TEST_CASE("compounds are scaled and cast") {
 }
 
 TEST_CASE("plain shapes and smaller compounds stand where larger compounds do") {
-  const Body<double, Sphere<double>> ball(Sphere{0.1}, 1.0, {0.3, 0.4});
+  const Body<double, Sphere<double>> ball(Sphere<double>{0.1}, 1.0, {0.3, 0.4});
   const Bodies from_ball(ball);
   CHECK(from_ball.mass() == 1);
   CHECK(from_ball.inertia() == ball.inertia());

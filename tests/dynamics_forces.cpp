@@ -45,7 +45,7 @@ TEST_CASE("a box meets the fluid with the area that it turns to it") {
   // A body's frame is that of its inertia, in which its shape may stand turned.
   const Eigen::Quaterniond turn = Eigen::Quaterniond(0.9, 0.1, -0.3, 0.2).normalized();
   const Eigen::Matrix3d tensor = turn * Eigen::Vector3d(1, 2, 2.5).asDiagonal() * turn.conjugate();
-  const Body<double, Box<double>> turned(Box{0.1, 0.2, 0.3}, 1.0, tensor);
+  const Body<double, Box<double>> turned(Box<double>{0.1, 0.2, 0.3}, 1.0, tensor);
   y.orientation = turned.shape_rotation().conjugate();
   CHECK(fluid(turned, y).force.x == doctest::Approx(-0.6 * (0.4 * 0.6) * 4).epsilon(1e-14));
 }

@@ -78,12 +78,12 @@ TEST_CASE("an observer hears as many impulses as there are, whatever the room") 
   };
   SystemState<double, 1> y;
   y[0].position.z = 0.3;
-  const Body box(Box{0.1, 0.1, 0.1}, 1.0, Material<double>{0.3, 0.5});
+  const Body box(Box<double>{0.1, 0.1, 0.1}, 1.0, Material<double>{0.3, 0.5});
   check_equal(System<double, 1, Box<double>, 1>({box}, {floor_plane<double>()}),
               System<double, 1, Box<double>>({box}, {floor_plane<double>()}), y, 1e-3, 8);
   y[0].velocity.z = -20;
   const Material<double> elastic{1.0, 0.0};
-  const Body ball(Sphere{0.1}, 1.0, elastic);
+  const Body ball(Sphere<double>{0.1}, 1.0, elastic);
   const Plane<double> floor = floor_plane(elastic), ceiling{{0, 0, -1}, -0.5, elastic};
   check_equal(System<double, 1, Sphere<double>, 2>({ball}, {floor, ceiling}),
               System<double, 1, Sphere<double>>({ball}, {floor, ceiling}), y, 0.05, 20);

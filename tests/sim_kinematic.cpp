@@ -217,8 +217,8 @@ TEST_CASE("a moving kinematic body drives others: paddle, conveyor, lift, turnta
 }
 
 TEST_CASE("a heavy box on a light one on a table, whatever the table's index") {
-  const Body<double> light(Box{Vec3<double>{0.2, 0.2, 0.1}}, 1.0, Material<double>{0, 0.5});
-  const Body<double> heavy(Box{Vec3<double>{0.15, 0.1, 0.1}}, 1000.0, Material<double>{0, 0.5});
+  const Body<double> light(Box<double>{Vec3<double>{0.2, 0.2, 0.1}}, 1.0, Material<double>{0, 0.5});
+  const Body<double> heavy(Box<double>{Vec3<double>{0.15, 0.1, 0.1}}, 1000.0, Material<double>{0, 0.5});
   RigidState<double> first;
   for (int place = 0; place < 3; ++place) {
     const int lower = place == 0 ? 1 : 0, upper = 3 - place - lower;
@@ -284,7 +284,7 @@ TEST_CASE("lanes and float do the same") {
 }
 
 TEST_CASE("pairs without contact pass through one another, and only they") {
-  const Body<double> ball(Sphere{0.1}, 1.0, {1, 0});
+  const Body<double> ball(Sphere<double>{0.1}, 1.0, {1, 0});
   for (const ContactMode mode : modes) {
     const SimulationOptions options{.step = 1e-3, .duration = 1, .contacts = mode};
     // Ball 0 meets 2 and then 1 on its way along x; the floor lets ball 1 through.
