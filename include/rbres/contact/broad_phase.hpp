@@ -67,10 +67,8 @@ class BroadPhase {
 
   /// Allocates all that it needs for so many bodies among so many planes.
   explicit BroadPhase(std::size_t planes, int bodies = N) {
-    if constexpr (N == dynamic) {
-      all_ = detail::HeapArray<Ball>(static_cast<std::size_t>(bodies));
-      some_.reserve(all_.size());
-    }
+    if constexpr (N == dynamic) all_ = detail::HeapArray<Ball>(static_cast<std::size_t>(bodies));
+    if constexpr (sweeps) some_.reserve(static_cast<std::size_t>(bodies));
     for (int i = 0; i < bodies; ++i) all_[static_cast<std::size_t>(i)].body = i;
     pairs_.reserve(detail::most_pairs(static_cast<std::size_t>(bodies), planes));
   }
@@ -92,9 +90,9 @@ class BroadPhase {
   /// The same pairs among `bodies` alone, whose indices rise.
   template <class System>
   const Pairs& find(const System& system, const SystemState<S, N>& state, const detail::PerBody<S, N>& reach,
-                    std::span<const int> bodies) requires(N == dynamic && sweeps) {
+                    std::span<const int> bodies) requires(ScalarTraits<S>::lanes == 1) {
     const auto reach_of = [&](int i) -> const S& { return reach[static_cast<std::size_t>(i)]; };
-    if (bodies.size() == all_.size()) return find(system, state, reach);
+    if (std::ssize(bodies) == system.size()) return find(system, state, reach);
     pairs_.clear();
     for (int plane = 0; plane < std::ssize(system.planes()); ++plane) {
       for (const int i : bodies) {
@@ -104,6 +102,18 @@ class BroadPhase {
           pairs_.push_back({-1 - plane, i});
         }
       }
+    }
+    if constexpr (!sweeps) {
+      for (std::size_t k = 0; k < bodies.size(); ++k) {
+        for (std::size_t l = k + 1; l < bodies.size(); ++l) {
+          const int i = bodies[k], j = bodies[l];
+          if (detail::balls_overlap(state[i].position, reach_of(i), state[j].position, reach_of(j)) &&
+              system.collides(i, j)) {
+            pairs_.push_back({i, j});
+          }
+        }
+      }
+      return pairs_;
     }
     some_.clear();
     for (const int i : bodies) some_.push_back({state[i].position.x - reach_of(i), {}, S(0), i});
@@ -128,7 +138,10 @@ class BroadPhase {
   }
 
   detail::PerBody<Ball, N> all_;  ///< in order along x, and so are some_
-  detail::Reserved<Ball, N == dynamic ? std::dynamic_extent : 0> some_;
+  detail::Reserved<Ball, !sweeps        ? 0
+                         : N == dynamic ? std::dynamic_extent
+                                        : static_cast<std::size_t>(N)>
+      some_;
   Pairs pairs_;
 };
 

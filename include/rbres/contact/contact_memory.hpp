@@ -20,7 +20,7 @@ class ContactMemory {
     last_.reserve(most_rows);
     next_.reserve(most_rows);
     laid_by_.reserve(most_rows);
-    if constexpr (System::bodies != dynamic) return;
+    if constexpr (!has_groups<System>) return;
     step_.reserve(most_rows);
     groups_.reserve(most_rows);
   }
@@ -37,9 +37,9 @@ class ContactMemory {
   }
   void end_group() {
     fresh_ = false;
-    const std::size_t room = groups_.capacity() - groups_.size();
-    groups_.insert(groups_.end(), last_.begin(),
-                   last_.begin() + static_cast<std::ptrdiff_t>(std::min(room, last_.size())));
+    for (const Entry& entry : last_) {
+      if (groups_.size() < groups_.capacity()) groups_.push_back(entry);
+    }
   }
   void end_groups() {
     last_.swap(groups_);
@@ -147,10 +147,11 @@ class ContactMemory {
 
   int bodies_;
   Reserved<Entry, row_room<System>> last_, next_;
-  Reserved<Entry, room_for<System>(0)> step_;    ///< of all groups: where the step began
-  Reserved<Entry, room_for<System>(0)> groups_;  ///< the same: where those done end it
-  Reserved<Entry, row_room<System>> laid_by_;    ///< of bodies that sleep
-  bool fresh_ = false;                           ///< whether a group has found nothing yet
+  static constexpr std::size_t group_room = has_groups<System> ? row_room<System> : 0;
+  Reserved<Entry, group_room> step_;           ///< of all groups: where the step began
+  Reserved<Entry, group_room> groups_;         ///< the same: where those done end it
+  Reserved<Entry, row_room<System>> laid_by_;  ///< of bodies that sleep
+  bool fresh_ = false;                         ///< whether a group has found nothing yet
 };
 
 }  // namespace rbres::RBRES_ABI::detail

@@ -41,6 +41,7 @@ class ContactRows {
   }
 
   std::size_t capacity() const { return rows_.capacity(); }
+  std::size_t size() const { return rows_.size(); }
   /// Whether there is no room for another pair: memory is never asked for.
   bool full() const { return rows_.size() + Pair::points > rows_.capacity(); }
   void clear() {

@@ -30,10 +30,14 @@ class Impacts {
   }
 
   /// A new step of `bodies`: none has been hit yet.
-  void start_step(const BodyIndices<System::bodies>& bodies) {
+  void start_step(const BodyIndices<System>& bodies) {
     for (const int i : bodies) answered_[std::size_t(i)] = S(0);
     unresolved_ = MaskOf<S>(false);
   }
+  /// For how many impulses note() may have been called, whether or not anybody listens, since
+  /// start_count().
+  std::size_t noted() const { return noted_; }
+  void start_count() { noted_ = 0; }
   /// Where impacts of this step went on without an end.
   const MaskOf<S>& unresolved() const { return unresolved_; }
 
@@ -42,7 +46,7 @@ class Impacts {
   /// counts pairs. Calls note(who, normal, point, impulse) for each point that may have taken part (world
   /// frame, m and N s).
   template <class Note>
-  MaskOf<S> resolve(const BodyIndices<System::bodies>& bodies, ContactPairs<System>& pairs, Motions& motion,
+  MaskOf<S> resolve(const BodyIndices<System>& bodies, ContactPairs<System>& pairs, Motions& motion,
                     CountOf<S>& count, const Note& note) {
     MaskOf<S> changed(false);
     for (const int i : bodies) changed_[std::size_t(i)] = changed;
@@ -197,6 +201,7 @@ class Impacts {
         rows_.add(pair, pair.manifold, i, info.active, info.target, h.surface.friction, motion);
       }
     }
+    noted_ += rows_.size();
     IslandImpact impact{rows_, info_, motion, S(0)};
     impact.each([&](ImpactPoint<S>& info, auto& point, auto& first, auto& second) {
       for (std::size_t d = 0; d < 3; ++d) {
@@ -215,8 +220,9 @@ class Impacts {
   }
 
   template <class Note>
-  static void resolve_alone(const Pair& pair, const Hit& h, const MaskOf<S>& where, Motions& motion,
-                            const Note& note) {
+  void resolve_alone(const Pair& pair, const Hit& h, const MaskOf<S>& where, Motions& motion,
+                     const Note& note) {
+    noted_ += P;
     auto touching = pair.touching;
     for (auto& t : touching) t = t & where;
     const auto resolve = [&](auto fixed) {
@@ -240,6 +246,7 @@ class Impacts {
   PerBody<MaskOf<S>, System::bodies> changed_;
   PerBody<MaskOf<S>, System::bodies> used_;  ///< by a pair that has an impact
   MaskOf<S> unresolved_{false};
+  std::size_t noted_ = 0;
   Islands<System> islands_;
   ContactRows<System> rows_;
   Infos info_;

@@ -60,8 +60,8 @@ template <class System>
 using MotionsOf = PerBody<Motion<typename System::Scalar>, System::bodies>;
 
 template <class System>
-void set_motions(const System& system, const BodyIndices<System::bodies>& bodies,
-                 const typename System::State& y, MotionsOf<System>& motion) {
+void set_motions(const System& system, const BodyIndices<System>& bodies, const typename System::State& y,
+                 MotionsOf<System>& motion) {
   for (const int i : bodies) motion[static_cast<std::size_t>(i)] = motion_of(system[i], y[i]);
 }
 /// Gives a state the velocities of `motion` in those of `bodies` and lanes that are changed(i).

@@ -70,6 +70,14 @@ MaskOf<S> near_plane(const Plane<S>& plane, const Vec3<S>& centre, const S& radi
   return dot(plane.normal, centre) - plane.offset < radius;
 }
 
+/// Whether two balls overlap.
+template <class S>
+MaskOf<S> balls_overlap(const Vec3<S>& first, const S& first_radius, const Vec3<S>& second,
+                        const S& second_radius) {
+  const S both = first_radius + second_radius;
+  return squared_norm(first - second) < both * both;
+}
+
 /// A pair without a kinematic body: what contacts do not move is the first, and -1.
 template <class System>
 Candidate moved_of(const System& system, const Candidate& who) {
@@ -131,8 +139,7 @@ class NearPairs {
     if (who.first < 0) {
       return near_plane(planes_[static_cast<std::size_t>(-1 - who.first)], position_(who.second), reach);
     }
-    const S both = reach_(who.first) + reach;
-    return squared_norm(position_(who.first) - position_(who.second)) < both * both;
+    return balls_overlap(position_(who.first), reach_(who.first), position_(who.second), reach);
   }
 
   std::span<const Plane<S>> planes_;

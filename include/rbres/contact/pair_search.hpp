@@ -20,7 +20,7 @@ template <class System>
 class PairSearch {
   using S = typename System::Scalar;
   using State = typename System::State;
-  using Bodies = BodyIndices<System::bodies>;
+  using Bodies = BodyIndices<System>;
   using Broad = BroadPhase<S, System::bodies, System::most_planes>;
   static constexpr bool compound = PartsOf<typename System::Shape>::compound;
   /// Heaps meet many impacts in a step, which leave most pairs where they are.
@@ -58,6 +58,8 @@ class PairSearch {
     for (const int i : bodies) way_[index(i)] = maximum(way_of(i, from[i], to[i], time), wanted_[index(i)]);
     return way_;
   }
+  /// The same as before.
+  const Ways& ways() const { return way_; }
   /// The pairs that may touch on these ways, in the lanes `running`.
   ContactPairs<System>& find(const Bodies& bodies, const State& from, const MaskOf<S>& running) {
     constexpr auto nan = std::numeric_limits<typename Constants<S>::Real>::quiet_NaN();
@@ -88,7 +90,7 @@ class PairSearch {
         }
       }
     };
-    if constexpr (System::bodies == dynamic && Broad::sweeps) {
+    if constexpr (has_groups<System>) {
       add(broad_.find(*system_, from, reach_, bodies));
     } else {
       add(broad_.find(*system_, from, reach_));

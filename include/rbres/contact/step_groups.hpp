@@ -9,8 +9,7 @@
 namespace rbres::RBRES_ABI::detail {
 
 /// The groups of bodies that cannot meet one another within a step, whatever happens inside them: each takes
-/// the step by itself. Kinematic bodies join nothing, and belong to each group that may meet them. For
-/// systems of a number of bodies known when the program runs.
+/// the step by itself. Kinematic bodies join nothing, and belong to each group that may meet them.
 template <class System>
 class StepGroups {
   using S = typename System::Scalar;
@@ -84,8 +83,8 @@ class StepGroups {
     return way[index(i)] + (*system_)[i].bounding_radius() * time * norm(y[i].angular_velocity);
   }
   /// Calls f(body) for the bodies of the pairs of group k, kinematic ones too, some of them many times.
-  template <class F>
-  void each_of(std::size_t k, const std::vector<Candidate>& pairs, const F& f) const {
+  template <class Pairs, class F>
+  void each_of(std::size_t k, const Pairs& pairs, const F& f) const {
     for (const std::size_t pair : islands_[k]) {
       if (pairs[pair].first >= 0) f(pairs[pair].first);
       f(pairs[pair].second);
@@ -93,7 +92,8 @@ class StepGroups {
   }
 
   /// Joins the bodies that may meet. Returns whether that lets one of them go farther than its reach was.
-  bool join(const std::vector<Candidate>& pairs, const State& y, const Ways& way, const S& time) {
+  template <class Pairs>
+  bool join(const Pairs& pairs, const State& y, const Ways& way, const S& time) {
     islands_.clear();
     for (std::size_t k = 0; k < pairs.size(); ++k) {
       const Candidate moved = moved_of(*system_, pairs[k]);
@@ -114,7 +114,8 @@ class StepGroups {
   }
 
   /// Lists the bodies of each group, and those that are alone.
-  void list(const std::vector<Candidate>& pairs) {
+  template <class Pairs>
+  void list(const Pairs& pairs) {
     meets_.fill(false);
     bodies_.clear();
     end_.clear();
@@ -125,7 +126,8 @@ class StepGroups {
         meets_[index(i)] = true;
       });
       std::sort(bodies_.begin() + start, bodies_.end());
-      bodies_.erase(std::unique(bodies_.begin() + start, bodies_.end()), bodies_.end());
+      const auto end = std::unique(bodies_.begin() + start, bodies_.end());
+      bodies_.resize(static_cast<std::size_t>(end - bodies_.begin()));
       end_.push_back(bodies_.size());
     }
     alone_.clear();
@@ -135,12 +137,13 @@ class StepGroups {
   }
 
   const System* system_;
-  BroadPhase<S, System::bodies> broad_;
+  BroadPhase<S, System::bodies, System::most_planes> broad_;
   Islands<System> islands_;  ///< of the pairs that may meet
   Ways reach_, ball_;        ///< how far bodies may get in the step, m; the same with their size
   PerBody<bool, System::bodies> meets_;
-  Reserved<int> alone_, kinematic_, bodies_;
-  Reserved<std::size_t> end_;  ///< of each group among bodies_
+  Reserved<int, body_room<System>> alone_, kinematic_;
+  Reserved<int, room_for<System>(static_cast<std::size_t>(System::bodies) + 2 * pair_room<System>)> bodies_;
+  Reserved<std::size_t, body_room<System>> end_;  ///< of each group among bodies_
 };
 
 }  // namespace rbres::RBRES_ABI::detail

@@ -79,7 +79,10 @@ class FixedList {
     push_back(T(values...));
     return elements_[size_ - 1];
   }
-  constexpr void swap(FixedList& other) noexcept { std::swap(*this, other); }
+  constexpr void swap(FixedList& other) noexcept {
+    std::swap_ranges(begin(), begin() + std::max(size_, other.size_), other.begin());
+    std::swap(size_, other.size_);
+  }
   /// @}
 
  private:

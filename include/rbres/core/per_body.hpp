@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <memory>
 #include <rbres/core/abi.hpp>
+#include <rbres/core/scalar.hpp>
 #include <span>
 #include <type_traits>
 #include <vector>
@@ -95,18 +96,14 @@ AllBodies<System::bodies> all_bodies(const System& system) {
   }
 }
 
-template <int N>
-struct BodyIndicesOf {
-  using type = AllBodies<N>;
-};
-template <>
-struct BodyIndicesOf<dynamic> {
-  using type = std::span<const int>;
-};
-/// The indices of the bodies that something is done with, in order: all of a fixed number, or some of a
-/// number known when the program runs.
-template <int N>
-using BodyIndices = typename BodyIndicesOf<N>::type;
+/// Whether bodies may take a step in groups, each at its own time: lanes would be grouped differently.
+template <class System>
+constexpr bool has_groups = System::bodies != 1 && !Packed<typename System::Scalar>;
+/// The indices of the bodies that something is done with, in order: some, or all where there are no groups of
+/// a fixed number.
+template <class System>
+using BodyIndices = std::conditional_t<has_groups<System> || System::bodies == dynamic, std::span<const int>,
+                                       AllBodies<System::bodies>>;
 
 /// One for each body of a system.
 template <class T, class System>

@@ -39,8 +39,9 @@ class ContinuousContact {
   void step(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
             Observer& observer, ContactTally<S>& tally) {
     if (!parts_.start_step(all(), forces, integrator, y, t, h)) return;
+    bool flown = false;  // by fly_freely(), from y
     if constexpr (grouped<Model, Observer>) {
-      if (step_groups(forces, integrator, y, t, h, observer, tally)) {
+      if (step_groups(forces, integrator, y, t, h, observer, tally, flown)) {
         parts_.template end_step<Model>(y, h);
         return;
       }
@@ -48,23 +49,23 @@ class ContinuousContact {
     parts_.restart_step();
     parts_.log().start_step(false);
     S now = t;
-    const S left = parts_.advance(all(), forces, integrator, y, now, h, observer, tally,
+    const S left = parts_.advance(all(), forces, integrator, y, now, h, observer, tally, flown,
                                   [](const auto&) { return true; });
     finish(forces, integrator, y, now, left, tally);
     parts_.template end_step<Model>(y, h);
   }
 
  private:
-  using Bodies = detail::BodyIndices<System::bodies>;
+  using Bodies = detail::BodyIndices<System>;
   /// What steps of groups need.
   struct Apart {
     explicit Apart(const System& system)
-        : groups(system), start(detail::state_of(system)), all(static_cast<std::size_t>(system.size())) {
+        : groups(system), start(detail::state_of(system)), all(detail::per_body<int>(system)) {
       std::iota(all.begin(), all.end(), 0);
     }
     detail::StepGroups<System> groups;
-    State start;                 ///< of the step
-    detail::HeapArray<int> all;  ///< bodies
+    State start;                               ///< of the step
+    detail::PerBody<int, System::bodies> all;  ///< bodies
   };
   struct Together {
     explicit Together(const System&) {}
@@ -72,33 +73,35 @@ class ContinuousContact {
   /// Whether the bodies of a step may be at different times in it.
   template <class Model, class Observer>
   static constexpr bool grouped =
-      System::bodies == dynamic && !Packed<S> && detail::is_local<Model, S, typename System::Shape> &&
+      detail::has_groups<System>&& detail::is_local<Model, S, typename System::Shape> &&
       !detail::HearsImpacts<Observer, State, S>;
 
   /// Takes y from t to t + h group by group. Returns false, and leaves all as it was, where a group does not
   /// keep to itself or meets the event cap.
   template <class Model, class Integrator, class Observer>
   bool step_groups(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
-                   Observer& observer, ContactTally<S>& tally) {
-    if (!detail::is_crowd(*system_) || !(h > S(0))) return false;
+                   Observer& observer, ContactTally<S>& tally, bool& flown) {
+    if (!(h > S(0))) return false;
     detail::StepGroups<System>& groups = apart_.groups;
     State& start = apart_.start;
     parts_.fly_freely(all(), forces, integrator, y, t, h);
     const auto& ways = parts_.ways(y, h);
     if (parts_.mark_faults(ways, MaskOf<S>(true), y)) return true;
-    if (!groups.find(y, ways, h)) return false;
+    flown = !groups.find(y, ways, h);
+    if (flown) return false;
     start = y;
     const ContactTally<S> tally_before = tally;
     for (const int i : groups.alone()) y[i] = parts_.free()[i];
-    parts_.memory().start_groups();
-    parts_.log().start_step(true);
+    parts_.start_groups();
     for (std::size_t k = 0; k < groups.count(); ++k) {
       for (const int i : groups[k]) y[i] = start[i];  // other groups have moved its kinematic bodies
       parts_.memory().start_group();
       S now = t;
-      const S left = parts_.advance(groups[k], forces, integrator, y, now, h, observer, tally,
+      // A kinematic body has been flown by the groups before.
+      const bool first = groups.kinematic().empty();
+      const S left = parts_.advance(groups[k], forces, integrator, y, now, h, observer, tally, first,
                                     [&](const auto& way) { return groups.hold(groups[k], start, y, way); });
-      if (left > S(0) || parts_.unresolved()) {
+      if (left > S(0) || parts_.unresolved() || !parts_.told_all()) {
         parts_.memory().undo_groups();
         y = start;
         tally = tally_before;
@@ -114,7 +117,7 @@ class ContinuousContact {
   }
 
   Bodies all() const {
-    if constexpr (System::bodies == dynamic) {
+    if constexpr (std::is_same_v<Bodies, std::span<const int>>) {
       return {apart_.all.begin(), apart_.all.size()};
     } else {
       return {};
@@ -138,7 +141,7 @@ class ContinuousContact {
   detail::StepParts<System> parts_;
   detail::DiscreteContact<System> discrete_;  ///< for steps past their event cap
   State end_;                                 ///< of such a step
-  std::conditional_t<System::bodies == dynamic, Apart, Together> apart_;
+  std::conditional_t<std::is_same_v<Bodies, std::span<const int>>, Apart, Together> apart_;
 };
 
 }  // namespace rbres::RBRES_ABI

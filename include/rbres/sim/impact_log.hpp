@@ -1,7 +1,8 @@
 #pragma once
 
 #include <algorithm>
-#include <rbres/contact/near_pairs.hpp>
+#include <limits>
+#include <rbres/contact/contact_pair.hpp>
 #include <rbres/core/reserved.hpp>
 #include <rbres/sim/observer.hpp>
 
@@ -15,7 +16,10 @@ class ImpactLog {
 
  public:
   explicit ImpactLog(const System& system) {
-    if constexpr (System::bodies == dynamic) later_.reserve(most_part_pairs(system));
+    if constexpr (!has_groups<System>) return;
+    if (is_crowd(system)) return;
+    most_ = most_rows<System>(parts_of(system), system.planes().size());
+    later_.reserve(most_);
   }
 
   /// A step, or the same anew. `in_groups`: impacts come group by group.
@@ -23,12 +27,13 @@ class ImpactLog {
     in_groups_ = in_groups;
     later_.clear();
   }
+  /// Whether as many impulses can be told later. Few bodies are refused alike with room in their type and
+  /// without, listened to or not: they move to the same bits.
+  bool has_room(std::size_t impulses) const { return impulses <= most_; }
   template <class Observer>
   void hear(const Impact<S>& impact, Observer& observer) {
-    if constexpr (System::bodies == dynamic) {
-      if (in_groups_) return later_.push_back(impact);
-    }
-    observer.impact(impact);
+    if (!in_groups_) return observer.impact(impact);
+    if (has_room(later_.size() + 1)) later_.push_back(impact);
   }
   /// Tells of the impacts of all groups, in order of time.
   template <class Observer>
@@ -41,7 +46,8 @@ class ImpactLog {
 
  private:
   bool in_groups_ = false;
-  Reserved<Impact<S>, room_for<System>(0)> later_;
+  std::size_t most_ = std::numeric_limits<std::size_t>::max();
+  Reserved<Impact<S>, has_groups<System> ? row_room<System> : 0> later_;
 };
 
 }  // namespace rbres::RBRES_ABI::detail

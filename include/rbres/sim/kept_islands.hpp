@@ -15,7 +15,7 @@ class KeptIslands {
   using State = typename System::State;
   using Pair = ContactPair<System>;
   using Pairs = ContactPairs<System>;
-  using Bodies = BodyIndices<System::bodies>;
+  using Bodies = BodyIndices<System>;
   static constexpr bool possible = System::bodies == dynamic && !Packed<S>;
 
  public:

@@ -21,7 +21,7 @@ class RestingContacts {
   using Pair = ContactPair<System>;
   using Pairs = ContactPairs<System>;
   using Motions = typename Pair::Motions;
-  using Bodies = BodyIndices<System::bodies>;
+  using Bodies = BodyIndices<System>;
   static constexpr std::size_t P = Pair::points;
 
  public:

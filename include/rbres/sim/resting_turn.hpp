@@ -50,8 +50,7 @@ class RestingTurns {
   }
 
   /// A part of so many seconds, of `bodies` and this many pairs.
-  void start(const BodyIndices<System::bodies>& bodies, const Motions& motion, const S& seconds,
-             std::size_t pairs) {
+  void start(const BodyIndices<System>& bodies, const Motions& motion, const S& seconds, std::size_t pairs) {
     moves_.resize(pairs);
     for (const int i : bodies) {
       half_[index(i)] = S(as<S>(0.5) * seconds) * motion[index(i)].angular_velocity;

@@ -21,7 +21,7 @@ class SleepingIslands {
   using S = typename System::Scalar;
   using State = typename System::State;
   using Pairs = ContactPairs<System>;
-  using Bodies = BodyIndices<System::bodies>;
+  using Bodies = BodyIndices<System>;
 
  public:
   static constexpr bool possible = std::is_same_v<S, double>;

@@ -17,7 +17,7 @@ namespace rbres::RBRES_ABI::detail {
 
 /// Where `bodies` are h seconds from t after y without impacts.
 template <class System, class Model, class Integrator, class S, class Push = NoPush>
-void fly_bodies(const System& system, const BodyIndices<System::bodies>& bodies, const Model& forces,
+void fly_bodies(const System& system, const BodyIndices<System>& bodies, const Model& forces,
                 const Integrator& integrator, const typename System::State& y, const S& t, const S& h,
                 typename System::State& end, const Push& push = {}) {
   for (const int i : bodies) end[i] = y[i];
@@ -36,7 +36,7 @@ class StepParts {
   using State = typename System::State;
   using Pairs = ContactPairs<System>;
   using Motions = MotionsOf<System>;
-  using Bodies = BodyIndices<System::bodies>;
+  using Bodies = BodyIndices<System>;
 
  public:
   StepParts(const System& system, const SimulationOptions& options)
@@ -80,6 +80,14 @@ class StepParts {
   ContactMemory<System>& memory() { return resting_.memory(); }
   /// What tells an observer of impulses.
   ImpactLog<System>& log() { return log_; }
+  /// Starts a step that is done group by group, and then fly_freely() has taken all of its bodies.
+  void start_groups() {
+    resting_.memory().start_groups();
+    log_.start_step(true);
+    impacts_.start_count();
+  }
+  /// Whether the log has room for the impulses of the groups.
+  bool told_all() const { return log_.has_room(impacts_.noted()); }
   /// Where advance() met a press of bodies that no impulse lets part.
   MaskOf<S> unresolved() const { return impacts_.unresolved(); }
 
@@ -115,10 +123,11 @@ class StepParts {
   }
 
   /// Takes `bodies` of y from `now` on by h, until its event cap is met or they no longer `hold` to the ways
-  /// (m) that they may go. Returns how much of h is left.
+  /// (m) that they may go. Returns how much of h is left. `flown`: fly_freely() has taken them that far, and
+  /// they would hold to that.
   template <class Model, class Integrator, class Observer, class Hold>
   S advance(const Bodies& bodies, const Model& forces, const Integrator& integrator, State& y, S& now,
-            const S& h, Observer& observer, ContactTally<S>& tally, const Hold& hold) {
+            const S& h, Observer& observer, ContactTally<S>& tally, bool flown, const Hold& hold) {
     bodies_ = bodies;
     impacts_.start_step(bodies_);
     resting_.start_step(bodies_);
@@ -140,13 +149,16 @@ class StepParts {
                                 in_crowd_ ? as<S>(1e-5) : S(0)};
 
       // Find the pairs that may touch before the step is over.
-      fly_to(free_, forces, integrator, y, now, ahead);
-      sleeping_.hold(bodies_, y, free_);
-      const auto& ways = search_.ways(bodies_, y, free_, ahead);
-      const MaskOf<S> faulty = mark_faults(ways, running, y);
-      left = select(faulty, S(0), left);
-      running = running & !faulty;
-      if (!hold(ways)) return left;
+      if (!flown) {
+        fly_to(free_, forces, integrator, y, now, ahead);
+        sleeping_.hold(bodies_, y, free_);
+        const MaskOf<S> faulty = mark_faults(search_.ways(bodies_, y, free_, ahead), running, y);
+        left = select(faulty, S(0), left);
+        running = running & !faulty;
+        if (!hold(search_.ways())) return left;
+      }
+      flown = false;
+      const auto& ways = search_.ways();
       Pairs& pairs = search_.find(bodies_, y, running);
       if (!sleeping_.sift(y, free_, ways, ahead, pairs)) continue;
       if (pairs.empty()) {
