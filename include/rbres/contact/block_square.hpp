@@ -5,6 +5,7 @@
 #include <rbres/core/reserved.hpp>
 #include <rbres/core/scalar.hpp>
 #include <span>
+#include <type_traits>
 #include <utility>
 
 namespace rbres::RBRES_ABI::detail {
@@ -42,43 +43,55 @@ class BlockSquare {
   /// Replaces the matrix by its factors L and U, rows swapped for the largest pivots; the diagonal holds one
   /// over U's.
   void factor() {
-    for (std::size_t k = 0; k < size_; ++k) {
-      S* const at = &numbers_[k * size_];
-      std::size_t most = k;
-      S largest = weight_[k] * square(at[k]);
-      for (std::size_t i = k + 1; i < size_; ++i) {
-        const S size = weight_[i] * square((*this)(i, k));
-        if (largest < size) largest = size, most = i;
+    with_size([&](auto n) {
+      for (std::size_t k = 0; k < n; ++k) {
+        S* const at = &numbers_[k * n];
+        std::size_t most = k;
+        S largest = weight_[k] * square(at[k]);
+        for (std::size_t i = k + 1; i < n; ++i) {
+          const S size = weight_[i] * square(numbers_[i * n + k]);
+          if (largest < size) largest = size, most = i;
+        }
+        swapped_[k] = most;
+        if (most != k) {
+          std::swap_ranges(at, at + n, &numbers_[most * n]);
+          std::swap(weight_[k], weight_[most]);
+        }
+        at[k] = inverse(at[k]);
+        for (std::size_t i = k + 1; i < n; ++i) {
+          S* const row = &numbers_[i * n];
+          if (row[k] == S(0)) continue;
+          row[k] *= at[k];
+          for (std::size_t j = k + 1; j < n; ++j) row[j] -= row[k] * at[j];
+        }
       }
-      swapped_[k] = most;
-      if (most != k) {
-        std::swap_ranges(at, at + size_, &numbers_[most * size_]);
-        std::swap(weight_[k], weight_[most]);
-      }
-      at[k] = inverse(at[k]);
-      for (std::size_t i = k + 1; i < size_; ++i) {
-        S* const row = &numbers_[i * size_];
-        if (row[k] == S(0)) continue;
-        row[k] *= at[k];
-        for (std::size_t j = k + 1; j < size_; ++j) row[j] -= row[k] * at[j];
-      }
-    }
+    });
   }
   /// Solves L U x = b in place.
   void solve(std::span<S> b) const {
-    for (std::size_t k = 0; k < size_; ++k) std::swap(b[k], b[swapped_[k]]);
-    for (std::size_t i = 0; i < size_; ++i) {
-      const S* row = &numbers_[i * size_];
-      for (std::size_t j = 0; j < i; ++j) b[i] -= row[j] * b[j];
-    }
-    for (std::size_t i = size_; i-- > 0;) {
-      const S* row = &numbers_[i * size_];
-      for (std::size_t j = i + 1; j < size_; ++j) b[i] -= row[j] * b[j];
-      b[i] *= row[i];
-    }
+    with_size([&](auto n) {
+      for (std::size_t k = 0; k < n; ++k) std::swap(b[k], b[swapped_[k]]);
+      for (std::size_t i = 0; i < n; ++i) {
+        const S* row = &numbers_[i * n];
+        for (std::size_t j = 0; j < i; ++j) b[i] -= row[j] * b[j];
+      }
+      for (std::size_t i = n; i-- > 0;) {
+        const S* row = &numbers_[i * n];
+        for (std::size_t j = i + 1; j < n; ++j) b[i] -= row[j] * b[j];
+        b[i] *= row[i];
+      }
+    });
   }
 
  private:
+  /// Calls f(size): most islands have one or two bodies, and loops of a known length are faster.
+  template <class F>
+  void with_size(const F& f) const {
+    if (size_ == 6) return f(std::integral_constant<std::size_t, 6>{});
+    if (size_ == 12) return f(std::integral_constant<std::size_t, 12>{});
+    f(size_);
+  }
+
   std::size_t size_ = 0;
   Reserved<std::size_t, rows> swapped_;  ///< with which row each pivot's row was swapped
   Reserved<S, rows> weight_;             ///< of each row, one over the square of its unit
