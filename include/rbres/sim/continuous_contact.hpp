@@ -81,7 +81,9 @@ class ContinuousContact {
   template <class Model, class Integrator, class Observer>
   bool step_groups(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
                    Observer& observer, ContactTally<S>& tally, bool& flown) {
-    if (!(h > S(0))) return false;
+    // Balls that touch cost too little for it to pay, but in crowds.
+    constexpr bool balls = detail::ContactPair<System>::central;
+    if (!(h > S(0)) || (balls && !detail::is_crowd(*system_))) return false;
     detail::StepGroups<System>& groups = apart_.groups;
     State& start = apart_.start;
     parts_.fly_freely(all(), forces, integrator, y, t, h);
