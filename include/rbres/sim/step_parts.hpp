@@ -157,6 +157,15 @@ class StepParts {
         continue;
       }
 
+      // What an impact has made spin may turn too far for the interpolation that finds the next.
+      const S turn = fastest_spin<System>(pairs, y) * ahead;
+      const MaskOf<S> far = turn > as<S>(1.25), divides = ahead > shortest * turn,
+                      whirls = running & far & divides;
+      if (any(whirls)) {
+        longest = select(whirls, S(ahead / maximum(turn, S(1))), longest);
+        continue;
+      }
+
       set_motions(*system_, bodies_, y, motion_);
       measure(*system_, y, motion_, running, pairs);
 
