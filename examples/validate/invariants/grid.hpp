@@ -29,7 +29,7 @@ GridFigures grid(const Cases& cases) {
     const double pull = cell.plane && r.below(2) == 1 ? 3 * system[cell.index].bounding_radius() : 0;
     const Vector gravity = pull > 0 ? -pull * system.planes()[0].normal : Vector{};
     const auto where = cell.text() + (pull > 0 ? ", gravity" : "");
-    for (const Balance& b : follow<S>(system, starts, gravity, step, std::lround(1.5 / step), cell.mode)) {
+    for (const Balance& b : follow<S>(system, cell, starts, gravity, step, std::lround(1.5 / step))) {
       (cell.plane ? worst.impact_plane : worst.impact_pair)(b.impact_rise, i, where);
       const bool rests = cell.restitution == 0;
       (rests ? worst.run_resting : cell.plane ? worst.run_plane : worst.run_pair)(b.rise, i, where);

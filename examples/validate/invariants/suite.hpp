@@ -158,7 +158,7 @@ std::vector<Group> double_groups(const std::string& type) {
 template <class Shape>
 std::vector<Group> float_groups(const std::string& type) {
   return {{"grid", type + ", float", 144, 7200, 288, [](const Cases& cases) {
-             return grid_rows(grid<float, Shape>(cases), "_float", 1e-5, 1e-4, 1e-3);
+             return grid_rows(grid<float, Shape>(cases), "_float", 1e-5, 1e-5, 1e-3);
            }}};
 }
 

@@ -22,11 +22,13 @@ Motion<S> motion_of(const Body<S, Shape>& body, const RigidState<S>& state) {
   return {in_registers(state.position), in_registers(state.velocity), axes * state.angular_velocity,
           body.inverse_mass(), rotated_diagonal(axes, body.inverse_inertia())};
 }
-/// Writes the velocities back.
+/// Writes the velocities back. Of the spin it is the change: there and back it would be off by as much as the
+/// quaternion is from its length, to the same side in each step.
 template <class S>
 void set_velocities(RigidState<S>& state, const Motion<S>& motion) {
   state.velocity = motion.velocity;
-  state.angular_velocity = rotate_back(state.orientation, motion.angular_velocity);
+  const Vec3<S> before = rotation_matrix(state.orientation) * state.angular_velocity;
+  state.angular_velocity += rotate_back(state.orientation, motion.angular_velocity - before);
 }
 
 namespace detail {

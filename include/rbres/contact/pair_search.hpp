@@ -136,6 +136,17 @@ class PairSearch {
   Ways reach_;                                                               ///< of each body with its way
 };
 
+/// How fast the fastest body of these pairs spins, rad/s.
+template <class System>
+typename System::Scalar fastest_spin(const ContactPairs<System>& pairs, const typename System::State& y) {
+  typename System::Scalar most2(0);
+  for (const ContactPair<System>& pair : pairs) {
+    most2 = maximum(most2, squared_norm(y[pair.who.second].angular_velocity));
+    if (!pair.plane()) most2 = maximum(most2, squared_norm(y[pair.who.first].angular_velocity));
+  }
+  return root(most2);
+}
+
 /// Notes how fast the pairs' points open.
 template <class System>
 void measure_speeds(const MotionsOf<System>& motion, ContactPairs<System>& pairs) {

@@ -23,6 +23,7 @@ class RestingContacts {
   using Motions = typename Pair::Motions;
   using Bodies = BodyIndices<System>;
   static constexpr std::size_t P = Pair::points;
+  static constexpr int most_rounds = 12;  ///< in which forces are found again for what they turn
 
  public:
   /// What the contacts do to each body.
@@ -164,16 +165,21 @@ class RestingContacts {
         for (S& p : impulse) p = select(row.active, S(left * p), S(0));
         point.add(impulse, first, second);
       });
-      const auto foresee = [&] {
-        return open & turns_.foresee(*system_, pairs, islands_[island], y, free, left, unheld_, end_);
+      const auto foresee = [&](const MaskOf<S>& where, bool guess) {
+        return turns_.foresee(*system_, pairs, islands_[island], y, free, left, where, guess, unheld_, end_);
       };
       const auto solve = [&](const MaskOf<S>& where) {
         within_step_ ? rows_.solve_within_step(end_, where) : rows_.solve(end_, where);
       };
-      foresee();
+      foresee(open, true);
       solve(open);
-      // A crowd is solved from the forces of the step before, which are near enough.
-      if (const MaskOf<S> news = in_crowd_ ? MaskOf<S>(false) : foresee(); any(news)) solve(news);
+      // A crowd is solved from the forces of the step before, which are near enough. Others owe nothing to
+      // them but where they start.
+      MaskOf<S> news = in_crowd_ ? MaskOf<S>(false) : open;
+      for (int round = 0; round < most_rounds && any(news); ++round) {
+        news = foresee(news, false);
+        if (any(news)) solve(news);
+      }
       rows_.each(end_, [&](auto& row, auto& point, auto&, auto&) {
         memory_.keep(row, kept_rate, open);
         if (row.moved.first >= 0) add_paired_force(row, point, y, end_, rate, forces_);
@@ -203,26 +209,27 @@ class RestingContacts {
   /// have taken the bodies; 1: as deep as it may get. Of resting pairs, or of all. In
   /// a crowd a new point may end the part, which is cheap; else parts are so short there that runs do not
   /// depend on rounding.
-  S sunk(const Pairs& pairs, const State& flown, bool all) {
+  S sunk(const Pairs& pairs, const State& flown, const MaskOf<S>& all) {
     at_end_.resize(pairs.size());
     S worst(0);
     for (std::size_t k = 0; k < pairs.size(); ++k) {
       const Pair& pair = pairs[k];
-      if (!all && !any(pair.any_resting)) continue;
+      if (!any(all | pair.any_resting)) continue;
       typename Pair::Contact& contact = at_end_[k];
       pair.find(*system_, flown, contact);
-      S deeper = minimum(pair.manifold.separation, S(0)) - contact.separation;
+      S deeper = select(all | pair.any_resting,
+                        S(minimum(pair.manifold.separation, S(0)) - contact.separation), S(0));
       if (pair.fixed_points()) {
         deeper = S(0);
         for (std::size_t i = 0; i < P; ++i) {
-          const MaskOf<S> counts = pair.resting[i] | MaskOf<S>(all);
+          const MaskOf<S> counts = pair.resting[i] | all;
           const S depth = minimum(pair.manifold.gap[i], S(0)) - contact.gap[i];
           deeper = maximum(deeper, select(counts, depth, S(0)));
         }
       }
       S most = pair.most_sinking();
       // A part may end where a new point of a resting pair shows: as deep as impact_time() lets it get.
-      if (in_crowd_ && all && !pair.fixed_points())
+      if (in_crowd_ && any(all) && !pair.fixed_points())
         most = select(pair.any_resting, S(as<S>(1.05) * pair.near), most);
       worst = maximum(worst, S(deeper / most));
     }

@@ -45,6 +45,7 @@ class RestingTurns {
         turns_(per_body<MaskOf<S>>(system)),
         spins_(turns_),
         foreseen_(half_),
+        most_(planes_),
         seen_(per_body<int>(system)) {
     moves_.reserve(most_part_pairs(system));
   }
@@ -60,6 +61,7 @@ class RestingTurns {
       turns_[index(i)] = turn2 > as<S>(1e-20);  // its square is more than rounding
       spins_[index(i)] = turn2 > as<S>(1e-12);  // its third power is, too
       foreseen_[index(i)] = {};
+      most_[index(i)] = S(std::numeric_limits<typename Constants<S>::Real>::max());
     }
   }
 
@@ -91,28 +93,33 @@ class RestingTurns {
   }
 
   /// Moves `end`, which impulses have reached from `unheld`, and that with it, by what the turn of an
-  /// island's bodies changes about them: impulses that are found next know of it. Returns where that is more
-  /// than a tenth off what was known: where forces are not those of the part before.
+  /// island's bodies changes about them, in the lanes `where`: impulses that are found next know of it.
+  /// Returns where that was not known and gets less each time. `guess`: from impulses that are not yet those
+  /// of this part.
   MaskOf<S> foresee(const System& system, const Pairs& pairs, Island island, const State& y,
-                    const State& free, const S& seconds, Motions& unheld, Motions& end) {
+                    const State& free, const S& seconds, const MaskOf<S>& where, bool guess, Motions& unheld,
+                    Motions& end) {
     using Real = typename Constants<S>::Real;
     constexpr double epsilon = std::numeric_limits<Real>::epsilon();
-    constexpr double counts = std::max(1e-16, 64 * epsilon * epsilon);  // of the square of a spin
+    constexpr double counts = std::max(1e-22, 64 * epsilon * epsilon);  // of the square of a spin
     MaskOf<S> news(false);
     if constexpr (Pair::central) return news;  // balls alone: their arms do not turn
     ++round_;
     for (const std::size_t k : island) {
       for (const int i : {pairs[k].moved.first, pairs[k].moved.second}) {
-        if (i < 0 || seen_[index(i)] == round_ || !any(spins_[index(i)])) continue;
+        if (i < 0 || seen_[index(i)] == round_ || !any(where & spins_[index(i)])) continue;
         seen_[index(i)] = round_;
         Vec3<S>&from = unheld[index(i)].angular_velocity, &to = end[index(i)].angular_velocity,
         &known = foreseen_[index(i)];
         const S noise = as<S>(counts) * squared_norm(to);
         if (!any(squared_norm(to - from) + squared_norm(known) > noise)) continue;
         const Vec3<S> change = change_by_turn(system[i], y[i], free[i], Vec3<S>(to - from), seconds);
-        const Vec3<S> more = select(spins_[index(i)], change - known, Vec3<S>{});
-        const MaskOf<S> differs = squared_norm(more) > maximum(S(as<S>(0.01) * squared_norm(change)), noise);
-        news = news | differs;
+        const Vec3<S> more = select(where & spins_[index(i)], change - known, Vec3<S>{});
+        const S size = squared_norm(more);
+        S& most = most_[index(i)];
+        const MaskOf<S> counts_here = size > noise, shrinks = size < most;
+        news = news | (counts_here & shrinks);
+        if (!guess) most = select(where, S(as<S>(0.25) * size), most);
         known += more;
         from += more;
         to += more;
@@ -136,6 +143,7 @@ class RestingTurns {
   PerBody<S, System::bodies> planes_;                 ///< on which it rests
   PerBody<MaskOf<S>, System::bodies> turns_, spins_;  ///< where the square, the third power of that counts
   PerBody<Vec3<S>, System::bodies> foreseen_;         ///< change of the end's angular velocity, rad/s
+  PerBody<S, System::bodies> most_;                   ///< square of what it may change by next
   PerBody<int, System::bodies> seen_;                 ///< in which round that was
   int round_ = 0;
   Reserved<char, pair_room<System>> moves_;  ///< which pairs' points move with a turn about their plane

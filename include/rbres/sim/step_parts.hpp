@@ -137,6 +137,7 @@ class StepParts {
     MaskOf<S> lost(false);  // too far for one step, or without an end of impacts
     bool resolved = false;  // the impacts of this instant
     S longest = h;          // part that can be computed at once
+    const S shortest = as<S>(1.0 / 512) * h;
     for (int event = 0; event < options_.max_events; ++event) {
       lost = lost | impacts_.unresolved();  // bodies in a press: no impulse lets all points part
       MaskOf<S> running = (left > S(0)) & !lost;
@@ -165,6 +166,15 @@ class StepParts {
         replace(running, free_, y);
         left = select(running, S(left - ahead), left);
         now = now + ahead;
+        continue;
+      }
+
+      // What an impact has made spin may turn too far for the interpolation that finds the next.
+      const S turn = fastest_spin<System>(pairs, y) * ahead;
+      const MaskOf<S> far = turn > as<S>(1.25), divides = ahead > shortest * turn,
+                      whirls = running & far & divides;
+      if (any(whirls)) {
+        longest = select(whirls, S(ahead / maximum(turn, S(1))), longest);
         continue;
       }
 
@@ -227,7 +237,8 @@ class StepParts {
       }
       // However dense the impacts, time goes on.
       const S impact = maximum(earliest_impact(pairs, y, ahead, lost), minimum(ahead, S(as<S>(1e-9) * h)));
-      const bool cut = any(running & (impact < ahead));
+      const MaskOf<S> cuts = running & (impact < ahead);
+      const bool cut = any(cuts);
       if (cut) {
         go(impact);
         duration = impact;
@@ -235,8 +246,7 @@ class StepParts {
       if (cut || resting) {
         // Forces that are constant over a part, and the interpolation that finds impacts, are off by the
         // third and fourth power of its duration: where bodies end too deep, it must be shorter.
-        const S shortest = as<S>(1.0 / 512) * h;
-        const MaskOf<S> divides = ahead > shortest, sinks = resting_.sunk(pairs, part_end_, cut) > S(1);
+        const MaskOf<S> divides = ahead > shortest, sinks = resting_.sunk(pairs, part_end_, cuts) > S(1);
         const MaskOf<S> deep = running & divides & sinks;
         if (any(deep)) {
           longest = select(deep, maximum(S(as<S>(0.5) * ahead), shortest), longest);
