@@ -136,16 +136,21 @@ class ContactRows {
       }
       if (any(open)) open = sweep_rows(motion, open, friction, tolerance, few);
     }
-    if (any(joint)) {
-      MaskOf<S> left = coupled_.solve(*this, motion, joint, friction, tolerance, coarse);
+    MaskOf<S> left(false);
+    if (any(joint)) left = coupled_.solve(*this, motion, joint, friction, tolerance, coarse);
+    if (!any(open | left)) return;
+    if (newton_.take_up(*this, motion)) {
       // Friction comes second: what it answers before the normals agree only slows it down.
       if (any(left)) left = sweep(motion, left, false, tolerance, few);
       if (any(left) && friction) left = sweep(motion, left, true, tolerance, few);
       open = open | left;
+      if (any(open)) newton_.solve(*this, motion, open, friction, tolerance);
+      return;
     }
-    if (!any(open) || newton_.solve(*this, motion, open, friction, tolerance)) return;
+    open = open | left;
     open = sweep(motion, open, false, coarse, many);
-    if (friction) sweep(motion, where, true, coarse, many);
+    if (friction) open = sweep(motion, where, true, coarse, many);
+    if (!any(open)) sweep(motion, where, friction, tolerance, few);
   }
 
  private:

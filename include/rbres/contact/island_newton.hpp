@@ -23,12 +23,24 @@ class IslandNewton {
  public:
   IslandNewton(const System& system, std::size_t most_rows) : equations_(system) { rows_.reserve(most_rows); }
 
-  /// Changes the impulses of `rows` (ContactRows) and the velocities in `motion` in the lanes `where`, until
-  /// no law is off by more than `tolerance` (m/s), or none gets better. False, with nothing done, for islands
-  /// too large for it.
+  /// Takes up the rows of an island. False where it is too large.
   template <class Rows, class Motions>
-  bool solve(Rows& rows, Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
-    if (!take_up(rows, motion)) return false;
+  bool take_up(Rows& rows, Motions& motion) {
+    rows_.clear();
+    equations_.clear();
+    rows.each(motion, [&](auto& row, auto& point, auto&, auto&) {
+      RowState& r = rows_.emplace_back();
+      r.jacobian = equations_.jacobian(row.who, row.moved, point);
+      r.active = row.active;
+      r.start = point.impulse();
+    });
+    return equations_.shape(motion);
+  }
+
+  /// Changes the impulses of `rows` (ContactRows) and the velocities in `motion` in the lanes `where`, until
+  /// no law is off by more than `tolerance` (m/s), or none gets better.
+  template <class Rows, class Motions>
+  void solve(Rows& rows, Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
     constexpr int rounds = 60, patience = 8, newton_steps = 30;
     MaskOf<S> working = where;
     double stiffness = 10;
@@ -87,7 +99,6 @@ class IslandNewton {
       point.restore(r.start);
       point.add(change, first, second);
     });
-    return true;
   }
 
  private:
@@ -117,20 +128,6 @@ class IslandNewton {
   static S abs_of(const S& x) {
     using std::abs;
     return abs(x);
-  }
-
-  /// Takes up the rows of an island. False where it is too large.
-  template <class Rows, class Motions>
-  bool take_up(Rows& rows, Motions& motion) {
-    rows_.clear();
-    equations_.clear();
-    rows.each(motion, [&](auto& row, auto& point, auto&, auto&) {
-      RowState& r = rows_.emplace_back();
-      r.jacobian = equations_.jacobian(row.who, row.moved, point);
-      r.active = row.active;
-      r.start = point.impulse();
-    });
-    return equations_.shape(motion);
   }
 
   /// Where a round starts; cones go the share `pace` of their way to the normal impulses. Returns by how much
