@@ -1,11 +1,12 @@
-// Bodies of a system of a dynamic number that cannot meet in a step are stepped in groups of their own: the
-// same physics as together.
+// Bodies that cannot meet in a step are stepped in groups of their own: the same physics as together.
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <array>
 #include <functional>
 #include <numeric>
 #include <rbres/rbres.hpp>
+#include <type_traits>
 #include <vector>
 
 using namespace rbres;
@@ -81,6 +82,88 @@ TEST_CASE("what happens to one group changes no bit of another") {
   simulate(world, pushed, Gravity{}, Rk4{}, options);
   CHECK(!(pushed[0] == y[0]));
   for (int i = 2; i < y.size(); ++i) CHECK(pushed[i] == y[i]);
+}
+
+/// Hears impulses.
+struct Heard {
+  std::vector<Impact<double>> impulses;
+  void impact(const Impact<double>& impulse) { impulses.push_back(impulse); }
+  bool in_order() const {
+    return std::is_sorted(impulses.begin(), impulses.end(),
+                          [](const auto& a, const auto& b) { return a.time < b.time; });
+  }
+  friend bool operator==(const Heard& a, const Heard& b) {
+    return std::equal(a.impulses.begin(), a.impulses.end(), b.impulses.begin(), b.impulses.end(),
+                      [](const auto& i, const auto& k) {
+                        return i.time == k.time && i.second == k.second && i.impulse == k.impulse;
+                      });
+  }
+};
+
+TEST_CASE("few bodies take a step in groups, too, to the same bits in a system of any type") {
+  const Material<double> material{0.5, 0.4};
+  const Clusters clusters(3, 2, material);
+  const Plane<double> floor = floor_plane(material);
+  const SimulationOptions options{.step = 2e-3, .duration = 0.8};
+  const auto& b = clusters.bodies;
+  const std::array<Body<double>, 6> six{b[0], b[1], b[2], b[3], b[4], b[5]};
+  const auto run = [&](const auto& system, const Vec3<double>& push, auto&& observer) {
+    auto y = clusters.y;
+    y[0].velocity += push;
+    typename std::remove_cvref_t<decltype(system)>::State state;
+    if constexpr (std::is_same_v<decltype(state), State>) state = y;
+    for (int i = 0; i < 6; ++i) state[i] = y[i];
+    const auto report = simulate(system, state, Gravity{}, Rk4{}, options, observer);
+    CHECK(report.impacts > 10);
+    for (int i = 0; i < 6; ++i) y[i] = state[i];
+    return y;
+  };
+  const System<double, 6> fixed(six, {floor});
+  const System<double, 6, AnyShape<double>, 1> with_room(six, {floor});
+  const Crowd crowd = clusters.system({floor});
+  const auto still = [](auto&&...) {};
+
+  const State y = run(fixed, {}, still), pushed = run(fixed, {0.2, 0.1, -1}, still);
+  CHECK(!(pushed[0] == y[0]));
+  for (int i = 2; i < 6; ++i) CHECK(pushed[i] == y[i]);
+
+  Heard heard, heard_with_room, heard_in_crowd;
+  CHECK(run(fixed, {}, heard) == y);
+  CHECK(run(with_room, {}, heard_with_room) == y);
+  CHECK(run(crowd, {}, heard_in_crowd) == y);
+  CHECK(heard.impulses.size() > 20);
+  CHECK(heard.in_order());
+  CHECK(heard == heard_with_room);
+  CHECK(heard == heard_in_crowd);
+}
+
+TEST_CASE("more impulses in a step than a system has room for change no bit, and are all heard") {
+  const Material<double> elastic{1.0, 0.0};
+  const Plane<double> floor = floor_plane(elastic), ceiling{{0, 0, -1}, -0.5, elastic};
+  const Body<double, Box<double>> box(Box<double>{0.1, 0.1, 0.1}, 1.0, elastic);
+  SystemState<double, 2> start;
+  for (int i = 0; i < 2; ++i) {
+    start[i].position = {200.0 * i, 0, 0.25};  // they cannot meet
+    start[i].velocity.z = 40 + i;
+  }
+  const auto run = [&](const auto& system, Heard& observer) {
+    auto y = start;
+    Stepper stepper(system, Gravity{}, Rk4{}, {.step = 0.5});
+    stepper.step(y, 0.0, 0.5, observer);
+    CHECK(stepper.tally().impacts > 100);
+    return y;
+  };
+  const System<double, 2, Box<double>> heap({box, box}, {floor, ceiling});
+  const System<double, 2, Box<double>, 2> with_room({box, box}, {floor, ceiling});
+  Heard heard, heard_with_room;
+  const auto y = run(heap, heard);
+  CHECK(run(with_room, heard_with_room) == y);
+  auto unheard = start;
+  Stepper(heap, Gravity{}, Rk4{}, {.step = 0.5}).step(unheard, 0.0, 0.5);
+  CHECK(unheard == y);
+  CHECK(heard.impulses.size() > 400);  // four points each
+  CHECK(heard.in_order());
+  CHECK(heard == heard_with_room);
 }
 
 TEST_CASE("no order of bodies is preferred") {

@@ -33,7 +33,7 @@ class ContinuousContact {
   /// Takes y from t to t + h. `observer` may have impact(Impact), called for each impulse of an impact in
   /// order of time (at the end of a step that is done group by group), or impact(time, before, after), called
   /// with the states around each group of simultaneous impacts (plain scalars only); for the latter all
-  /// bodies are at one time, so that more than a few cost more and come to other roundings. Where a number is
+  /// bodies are at one time, so that they cost more and come to other roundings. Where a number is
   /// no longer finite, neither is the state that is left.
   template <class Model, class Integrator, class Observer>
   void step(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
