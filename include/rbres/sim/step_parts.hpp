@@ -171,8 +171,8 @@ class StepParts {
 
       // What an impact has made spin may turn too far for the interpolation that finds the next.
       const S turn = fastest_spin<System>(pairs, y) * ahead;
-      const MaskOf<S> far = turn > as<S>(1.25), divides = ahead > shortest * turn,
-                      whirls = running & far & divides;
+      const MaskOf<S> far = turn > as<S>(1.25), helps = ahead > shortest * turn,
+                      whirls = running & far & helps;
       if (any(whirls)) {
         longest = select(whirls, S(ahead / maximum(turn, S(1))), longest);
         continue;
