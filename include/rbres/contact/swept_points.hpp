@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <rbres/contact/contact_row.hpp>
+#include <rbres/contact/near_pairs.hpp>
 #include <rbres/core/pack.hpp>
 #include <rbres/core/reserved.hpp>
 
@@ -19,7 +20,9 @@ class SweptPoints {
   using Four = typename VectorOf<S, 4>::type;
 
  public:
+  /// Room for so many points, in crowds, which alone are swept here.
   SweptPoints(const System& system, std::size_t most_rows) : place_(per_body<std::size_t>(system)) {
+    if (!is_crowd(system)) return;
     points_.reserve(most_rows);
     velocities_.reserve(place_.size() + 1);
     bodies_.reserve(place_.size());
