@@ -33,8 +33,8 @@ class ContinuousContact {
   /// Takes y from t to t + h. `observer` may have impact(Impact), called for each impulse of an impact in
   /// order of time (at the end of a step that is done group by group), or impact(time, before, after), called
   /// with the states around each group of simultaneous impacts (plain scalars only); for the latter all
-  /// bodies are at one time, so that they cost more and come to other roundings. Where a number is
-  /// no longer finite, neither is the state that is left.
+  /// bodies are at one time, so that they cost more and come to other roundings. Where a number is no longer
+  /// finite, neither is the state that is left.
   template <class Model, class Integrator, class Observer>
   void step(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
             Observer& observer, ContactTally<S>& tally) {
@@ -76,8 +76,9 @@ class ContinuousContact {
       detail::has_groups<System>&& detail::is_local<Model, S, typename System::Shape> &&
       !detail::HearsImpacts<Observer, State, S>;
 
-  /// Takes y from t to t + h group by group. Returns false, and leaves all as it was, where a group does not
-  /// keep to itself or meets the event cap.
+  /// Takes y from t to t + h group by group. Returns false, and leaves all as it was, where there is one
+  /// group (which has then been `flown`), where one does not keep to itself, meets the event cap or has too
+  /// many impulses for the log.
   template <class Model, class Integrator, class Observer>
   bool step_groups(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
                    Observer& observer, ContactTally<S>& tally, bool& flown) {
@@ -99,9 +100,9 @@ class ContinuousContact {
       for (const int i : groups[k]) y[i] = start[i];  // other groups have moved its kinematic bodies
       parts_.memory().start_group();
       S now = t;
-      // A kinematic body has been flown by the groups before.
-      const bool first = groups.kinematic().empty();
-      const S left = parts_.advance(groups[k], forces, integrator, y, now, h, observer, tally, first,
+      // But for kinematic bodies, which groups before have flown.
+      const bool as_flown = groups.kinematic().empty();
+      const S left = parts_.advance(groups[k], forces, integrator, y, now, h, observer, tally, as_flown,
                                     [&](const auto& way) { return groups.hold(groups[k], start, y, way); });
       if (left > S(0) || parts_.unresolved() || !parts_.told_all()) {
         parts_.memory().undo_groups();

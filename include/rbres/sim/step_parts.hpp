@@ -80,7 +80,7 @@ class StepParts {
   ContactMemory<System>& memory() { return resting_.memory(); }
   /// What tells an observer of impulses.
   ImpactLog<System>& log() { return log_; }
-  /// Starts a step that is done group by group, and then fly_freely() has taken all of its bodies.
+  /// Starts a step that is done group by group, after fly_freely() of all bodies.
   void start_groups() {
     resting_.memory().start_groups();
     log_.start_step(true);
