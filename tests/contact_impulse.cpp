@@ -197,8 +197,7 @@ struct Corner {
       y[i].velocity = v[std::size_t(2 * i)];
       y[i].angular_velocity = v[std::size_t(2 * i + 1)];
     }
-    const detail::BodyIndices<2> all{};
-    detail::set_motions(system, all, y, motion);
+    for (int i = 0; i < 2; ++i) motion[std::size_t(i)] = motion_of(system[i], y[i]);
     rows.clear();
     for (const Candidate& who :
          {Candidate{-1, 0}, Candidate{-2, 0}, Candidate{-3, 0}, Candidate{-2, 1}, Candidate{0, 1}}) {
