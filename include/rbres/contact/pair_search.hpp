@@ -36,7 +36,8 @@ class PairSearch {
         broad_(system.planes().size(), system.size()),
         way_(per_body<S>(system)),
         wanted_(way_),
-        reach_(way_) {
+        reach_(way_),
+        turned_(way_) {
     pairs_.reserve(most_part_pairs(system));
     if constexpr (remembers) last_.reserve(most_part_pairs(system));
   }
@@ -53,9 +54,12 @@ class PairSearch {
     for (const int i : bodies) wanted_[index(i)] = S(0);
   }
 
-  /// How far the bodies may get while they go from `from` to `to`, `time` seconds later.
+  /// How far the bodies' centres may get while they go from `from` to `to`, `time` seconds later.
   const Ways& ways(const Bodies& bodies, const State& from, const State& to, const S& time) {
-    for (const int i : bodies) way_[index(i)] = maximum(way_of(i, from[i], to[i], time), wanted_[index(i)]);
+    for (const int i : bodies) {
+      way_[index(i)] = maximum(way_of(from[i], to[i], time), wanted_[index(i)]);
+      if constexpr (compound) turned_[index(i)] = turned_way_of(i, from[i], to[i], time);
+    }
     return way_;
   }
   /// The same as before.
@@ -81,9 +85,8 @@ class PairSearch {
     const auto add = [&](const auto& found) {
       for (const Candidate& who : found) {
         if constexpr (compound) {
-          const auto& ways = way_;
           each_near_part(
-              *system_, from, who, [&](int i) -> const S& { return ways[index(i)]; },
+              *system_, from, who, [&](int i) { return S(way_[index(i)] + turned_[index(i)]); },
               [&](const auto& parts) { add_pair(who, rest_speed_, parts); });
         } else {
           add_pair(who, rest_speed_);
@@ -104,9 +107,13 @@ class PairSearch {
               const MaskOf<S>& running) {
     bool all = true;
     for (const int i : bodies) {
-      const S way = way_of(i, from[i], to[i], time);
+      S way = way_of(from[i], to[i], time), covered = way_[index(i)];
+      if constexpr (compound) {
+        way += turned_way_of(i, from[i], to[i], time);
+        covered += turned_[index(i)];
+      }
       const S slack = as<S>(5e-4) * (*system_)[i].bounding_radius();
-      const MaskOf<S> beyond = running & (way > way_[index(i)] + slack);
+      const MaskOf<S> beyond = running & (way > covered + slack);
       if (!any(beyond)) continue;
       all = false;
       wanted_[index(i)] = select(beyond, S(as<S>(1.5) * way), wanted_[index(i)]);
@@ -115,15 +122,14 @@ class PairSearch {
   }
 
  private:
-  /// How far a body may get from where it starts. The path stays near its chord: a constant acceleration
-  /// leaves it by an eighth of its velocity change. The parts of a compound turn about its centre of mass.
-  S way_of(int i, const RigidState<S>& from, const RigidState<S>& to, const S& time) const {
-    const S way = norm(to.position - from.position) + as<S>(0.5) * time * norm(to.velocity - from.velocity);
-    if constexpr (compound) {
-      return way + (*system_)[i].shape().lever() * minimum(turn_of(from, to, time), as<S>(2));
-    } else {
-      return way;
-    }
+  /// How far a body's centre may get from where it starts. The path stays near its chord: a constant
+  /// acceleration leaves it by an eighth of its velocity change.
+  static S way_of(const RigidState<S>& from, const RigidState<S>& to, const S& time) {
+    return norm(to.position - from.position) + as<S>(0.5) * time * norm(to.velocity - from.velocity);
+  }
+  /// How far the centres of a compound's parts may get by its turn.
+  S turned_way_of(int i, const RigidState<S>& from, const RigidState<S>& to, const S& time) const {
+    return (*system_)[i].shape().lever() * minimum(turn_of(from, to, time), as<S>(2));
   }
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
@@ -134,6 +140,7 @@ class PairSearch {
   Reserved<ContactPair<System>, remembers ? std::dynamic_extent : 0> last_;  ///< found before
   Ways way_, wanted_;                                                        ///< wanted_: by contact forces
   Ways reach_;                                                               ///< of each body with its way
+  Ways turned_;  ///< how far a turn takes the parts of a compound
 };
 
 /// How fast the fastest body of these pairs spins, rad/s.
