@@ -94,8 +94,8 @@ class RestingTurns {
 
   /// Moves `end`, which impulses have reached from `unheld`, and that with it, by what the turn of an
   /// island's bodies changes about them, in the lanes `where`: impulses that are found next know of it.
-  /// Returns where that was not known and gets less each time. `guess`: from impulses that are not yet those
-  /// of this part.
+  /// Returns where that was not known and gets less each time; what does not is not foreseen. `guess`: from
+  /// impulses that are not yet those of this part.
   MaskOf<S> foresee(const System& system, const Pairs& pairs, Island island, const State& y,
                     const State& free, const S& seconds, const MaskOf<S>& where, bool guess, Motions& unheld,
                     Motions& end) {
@@ -114,7 +114,11 @@ class RestingTurns {
         const S noise = as<S>(counts) * squared_norm(to);
         if (!any(squared_norm(to - from) + squared_norm(known) > noise)) continue;
         const Vec3<S> change = change_by_turn(system[i], y[i], free[i], Vec3<S>(to - from), seconds);
-        const Vec3<S> more = select(where & spins_[index(i)], change - known, Vec3<S>{});
+        // Of thin bodies that spin fast a turn may change more than there is, and that more each time.
+        const MaskOf<S> converges = squared_norm(change) <= squared_norm(to - from);
+        const Vec3<S> foreseen = select(converges, change, Vec3<S>{});
+        const Vec3<S> more = select(where & spins_[index(i)], foreseen - known, Vec3<S>{});
+        spins_[index(i)] = spins_[index(i)] & (converges | !where);
         const S size = squared_norm(more);
         S& most = most_[index(i)];
         const MaskOf<S> counts_here = size > noise, shrinks = size < most;
