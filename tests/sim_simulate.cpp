@@ -613,3 +613,17 @@ TEST_CASE("thin rods that spin flat on a floor stay finite") {
     run(0.0001, 5, friction);
   }
 }
+
+TEST_CASE("a step whose inverse is no number moves nothing and loses nothing") {
+  const Material<double> material{0.3, 0.5};
+  const System<double, 1, Box<double>> world{{Body(Box<double>{0.1, 0.1, 0.1}, 1.0, material)},
+                                             {floor_plane(material)}};
+  SystemState<double, 1> y;
+  y[0].position.z = 0.1;
+  y[0].velocity.x = 1;
+  Stepper stepper(world, Gravity{}, Rk4{}, {.step = 1e-3});
+  stepper.step(y, 0.0, 1e-3);
+  const auto before = y;
+  CHECK(stepper.step(y, 0.0, 1e-320) == -1);
+  CHECK(y == before);
+}

@@ -33,8 +33,8 @@ class ContinuousContact {
   /// Takes y from t to t + h. `observer` may have impact(Impact), called for each impulse of an impact in
   /// order of time (at the end of a step that is done group by group), or impact(time, before, after), called
   /// with the states around each group of simultaneous impacts (plain scalars only); for the latter all
-  /// bodies are at one time, so that they cost more and come to other roundings. Where a number is no longer
-  /// finite, neither is the state that is left.
+  /// bodies are at one time: steps are cut for all of them, cost more, and have other errors. Where a number
+  /// is no longer finite, neither is the state that is left.
   template <class Model, class Integrator, class Observer>
   void step(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
             Observer& observer, ContactTally<S>& tally) {
