@@ -112,17 +112,18 @@ class RestingTurns {
         Vec3<S>&from = unheld[index(i)].angular_velocity, &to = end[index(i)].angular_velocity,
         &known = foreseen_[index(i)];
         const S noise = as<S>(counts) * squared_norm(to);
-        if (!any(squared_norm(to - from) + squared_norm(known) > noise)) continue;
+        const S given = squared_norm(to - from);
+        const MaskOf<S> counts_here = where & spins_[index(i)] & (given + squared_norm(known) > noise);
+        if (!any(counts_here)) continue;
         const Vec3<S> change = change_by_turn(system[i], y[i], free[i], Vec3<S>(to - from), seconds);
         // Of thin bodies that spin fast a turn may change more than there is, and that more each time.
-        const MaskOf<S> converges = squared_norm(change) <= squared_norm(to - from);
-        const Vec3<S> foreseen = select(converges, change, Vec3<S>{});
-        const Vec3<S> more = select(where & spins_[index(i)], foreseen - known, Vec3<S>{});
-        spins_[index(i)] = spins_[index(i)] & (converges | !where);
+        const MaskOf<S> converges = squared_norm(change) <= given;
+        const Vec3<S> more = select(counts_here, select(converges, change, Vec3<S>{}) - known, Vec3<S>{});
+        if (!guess) spins_[index(i)] = spins_[index(i)] & (converges | !counts_here);
         const S size = squared_norm(more);
         S& most = most_[index(i)];
-        const MaskOf<S> counts_here = size > noise, shrinks = size < most;
-        news = news | (counts_here & shrinks);
+        const MaskOf<S> differs = size > noise, shrinks = size < most;
+        news = news | (differs & shrinks);
         if (!guess) most = select(where, S(as<S>(0.25) * size), most);
         known += more;
         from += more;
