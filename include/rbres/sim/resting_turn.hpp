@@ -113,7 +113,8 @@ class RestingTurns {
         &known = foreseen_[index(i)];
         const S noise = as<S>(counts) * squared_norm(to);
         const S given = squared_norm(to - from);
-        const MaskOf<S> counts_here = where & spins_[index(i)] & (given + squared_norm(known) > noise);
+        const MaskOf<S> loud = given + squared_norm(known) > noise, spins = spins_[index(i)],
+                        counts_here = where & spins & loud;
         if (!any(counts_here)) continue;
         const Vec3<S> change = change_by_turn(system[i], y[i], free[i], Vec3<S>(to - from), seconds);
         // Of thin bodies that spin fast a turn may change more than there is, and that more each time.
