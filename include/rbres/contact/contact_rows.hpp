@@ -122,7 +122,7 @@ class ContactRows {
 
   /// The same to `tolerance` (m/s), with or without friction. Newton's method solves most single pairs and
   /// most small islands; a few sweeps others, the method of multipliers what is left. Large heaps, for which
-  /// that costs too much, are swept on, to a coarser tolerance.
+  /// that costs too much, are swept to a coarser tolerance, and on where that is soon reached.
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
     constexpr int few = 12, many = 100;
     const S coarse = as<S>(2000.0) * tolerance;

@@ -37,8 +37,8 @@ class IslandNewton {
     return equations_.shape(motion);
   }
 
-  /// Changes the impulses of `rows` (ContactRows) and the velocities in `motion` in the lanes `where`, until
-  /// no law is off by more than `tolerance` (m/s), or none gets better.
+  /// Changes the impulses of `rows` (ContactRows), which have been taken up, and the velocities in `motion`
+  /// in the lanes `where`, until no law is off by more than `tolerance` (m/s), or none gets better.
   template <class Rows, class Motions>
   void solve(Rows& rows, Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
     constexpr int rounds = 60, patience = 8, newton_steps = 30;
