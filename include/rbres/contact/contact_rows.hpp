@@ -106,6 +106,9 @@ class ContactRows {
   /// Changes the velocities in `motion` until every row obeys its laws, to the tolerance of the smallest
   /// bodies. Only in the lanes `where`.
   void solve(Motions& motion, const MaskOf<S>& where) { solve(motion, where, true, tolerance_); }
+  /// The same for what forces that follow would take up, too: in a crowd what Newton's method does not solve
+  /// is swept no more than within a step.
+  void correct(Motions& motion, const MaskOf<S>& where) { solve(motion, where, true, tolerance_, in_crowd_); }
 
   /// The same, coarser and faster, for what lasts no longer than the step. It starts with friction, from the
   /// forces of the part before.
@@ -123,8 +126,9 @@ class ContactRows {
   /// The same to `tolerance` (m/s), with or without friction. Newton's method solves most single pairs and
   /// most small islands; a few sweeps others, the method of multipliers what is left. Large heaps, for which
   /// that costs too much, are swept to a coarser tolerance, and on where that is soon reached.
-  void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
-    constexpr int few = 12, many = 100;
+  void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance,
+             bool coarsely = false) {
+    constexpr int few = 12, some = 40, many = 100;
     const S coarse = as<S>(2000.0) * tolerance;
     const MaskOf<S> apart = pairs_apart(), single = where & apart, joint = where & !apart;
     MaskOf<S> open(false);
@@ -139,6 +143,7 @@ class ContactRows {
     MaskOf<S> left(false);
     if (any(joint)) left = coupled_.solve(*this, motion, joint, friction, tolerance, coarse);
     if (!any(open | left)) return;
+    if (coarsely) return sweep_within_step(motion, where);
     if (newton_.take_up(*this, motion)) {
       // Friction comes second: what it answers before the normals agree only slows it down.
       if (any(left)) left = sweep(motion, left, false, tolerance, few);
@@ -148,8 +153,9 @@ class ContactRows {
       return;
     }
     open = open | left;
-    open = sweep(motion, open, false, coarse, many);
-    if (friction) open = sweep(motion, where, true, coarse, many);
+    // A crowd starts from the forces of the step before.
+    if (!(in_crowd_ && friction)) open = sweep(motion, open, false, coarse, many);
+    if (friction) open = sweep(motion, where, true, coarse, in_crowd_ ? some : many);
     if (!any(open)) sweep(motion, where, friction, tolerance, few);
   }
 

@@ -48,13 +48,14 @@ typename System::Scalar displacement_bound(const System& system, const Candidate
 
 /// When a pair touches between `start` and `end`, `part` seconds later, at a point that does not rest; `part`
 /// where it does not; earlier where the walk ended before. `pair` knows the start; `end_motion` is that of
-/// `end`, `at` any state. `lost` gains the lanes in which the pair goes so far that no number of looks would
-/// do.
+/// `end`, `at` any state. A pair may get as deep as `sinking` (share of its size) before it has an impact.
+/// `lost` gains the lanes in which the pair goes so far that no number of looks would do.
 template <class System>
 typename System::Scalar impact_time(const System& system, const ContactPair<System>& pair,
                                     const typename System::State& start, const typename System::State& end,
                                     const typename ContactPair<System>::Motions& end_motion,
-                                    const typename System::Scalar& part, typename System::State& at,
+                                    const typename System::Scalar& part,
+                                    const typename System::Scalar& sinking, typename System::State& at,
                                     MaskOf<typename System::Scalar>& lost) {
   using S = typename System::Scalar;
   using Pair = ContactPair<System>;
@@ -78,12 +79,15 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
   const S spare = clamp(S(pair.most_sinking() + minimum(pair.manifold.separation, S(0))), S(0), pair.near);
   const S allowance =
       pair.fixed_points() ? S(0) : select(pair.any_resting, pair.near, select(touching, spare, S(0)));
+  const S deep = sinking * pair.size;
   const auto lowest = [&](const typename Pair::Contact& contact) {
-    if (!pair.fixed_points())
-      return S(contact.separation - minimum(pair.manifold.separation, S(0)) + allowance);
+    const auto above = [&](const S& gap, const S& before) {  // the depth at which an impact is due
+      return S(gap + maximum(deep, S(allowance - minimum(before, S(0)))));
+    };
+    if (!pair.fixed_points()) return above(contact.separation, pair.manifold.separation);
     S least = none;
     for (std::size_t i = 0; i < P; ++i) {
-      const S gap = contact.gap[i] - minimum(pair.manifold.gap[i], S(0));
+      const S gap = above(contact.gap[i], pair.manifold.gap[i]);
       least = minimum(least, select(counts[i], gap, none));
     }
     return least;

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <numeric>
 #include <rbres/contact/contact_row.hpp>
 #include <rbres/contact/near_pairs.hpp>
 #include <rbres/core/pack.hpp>
@@ -12,7 +13,8 @@ namespace rbres::RBRES_ABI::detail {
 
 /// The contact points of an island as sweep() takes them, where rows are plain numbers: the three directions
 /// of a point, or the three components of a velocity, stand side by side in a register. Each point waits for
-/// what the one before it did to their bodies, so that what counts is how soon that is there.
+/// what the one before it did to their bodies, so that what counts is how soon that is there: points of one
+/// pair are swept far apart from one another.
 template <class System>
 class SweptPoints {
   using S = typename System::Scalar;
@@ -32,12 +34,17 @@ class SweptPoints {
   /// Takes up the rows that are active, and the velocities of their bodies.
   template <class Rows, class Motions>
   void take(Rows& rows, Motions& motion) {
-    points_.clear();
     velocities_.clear();
     velocities_.emplace_back();  // of planes
+    std::size_t active = 0;
+    rows.each(motion, [&](auto& row, auto&, auto&, auto&) { active += row.active; });
+    points_.resize(active);
+    stride_ = stride(active);
+    std::size_t at = 0;
     rows.each(motion, [&](auto& row, auto& contact, auto& first, auto& second) {
       if (!row.active) return;
-      Point& p = points_.emplace_back();
+      Point& p = points_[at];
+      at = (at + stride_) % active;
       p.response = contact.response();
       p.target = row.target;
       p.friction = row.friction;
@@ -67,10 +74,11 @@ class SweptPoints {
   /// Gives these rows the impulses here, and their bodies the velocities that they leave.
   template <class Rows, class Motions>
   void give(Rows& rows, Motions& motion) const {
-    std::size_t k = 0;
+    std::size_t at = 0;
     rows.each(motion, [&](auto& row, auto& contact, auto& first, auto& second) {
       if (!row.active) return;
-      const Four& to = points_[k++].impulse;
+      const Four& to = points_[at].impulse;
+      at = (at + stride_) % points_.size();
       const std::array<S, 3>& from = contact.impulse();
       contact.add({to[0] - from[0], to[1] - from[1], to[2] - from[2]}, first, second);
     });
@@ -89,11 +97,15 @@ class SweptPoints {
     using std::abs;
     Point& p = points_[k];
     const Velocity &a = velocities_[p.first], &b = velocities_[p.second];
-    Four v = p.drift;
-    for (std::size_t c = 0; c < 3; ++c) {
-      v += p.directions[c] * (b.linear[c] - a.linear[c]) + p.second_arms[c] * b.angular[c];
-      if (p.first != plane) v += p.first_arms[c] * a.angular[c];
+    Four v = p.drift, turn = p.second_arms[0] * b.angular[0];  // sums that need not wait for one another
+    for (std::size_t c = 0; c < 3; ++c) v += p.directions[c] * (b.linear[c] - a.linear[c]);
+    for (std::size_t c = 1; c < 3; ++c) turn += p.second_arms[c] * b.angular[c];
+    if (p.first != plane) {
+      Four first_turn = p.first_arms[0] * a.angular[0];
+      for (std::size_t c = 1; c < 3; ++c) first_turn += p.first_arms[c] * a.angular[c];
+      turn += first_turn;
     }
+    v += turn;
     if (!friction) {
       const S change = p.response.normal_change(p.impulse[0], v[0], p.target, true);
       add(p, change, S(0), S(0));
@@ -133,6 +145,12 @@ class SweptPoints {
     std::size_t first, second;                    ///< places of the bodies' velocities
   };
 
+  /// A step through so many places that comes to each of them once.
+  static std::size_t stride(std::size_t size) {
+    std::size_t stride = 1 + size * 3 / 8;
+    while (std::gcd(stride, size) > 1) ++stride;
+    return stride;
+  }
   static void set(Four& to, const Vec3<S>& v) { to = Four{v.x, v.y, v.z, S(0)}; }
   static void set(Four& to, const std::array<S, 3>& v) { to = Four{v[0], v[1], v[2], S(0)}; }
   static void set_rows(Three& to, const Vec3<S>& a, const Vec3<S>& b, const Vec3<S>& c) {
@@ -169,6 +187,7 @@ class SweptPoints {
   }
 
   Reserved<Point> points_;
+  std::size_t stride_ = 1;  ///< from a row's place among them to the next one's
   Reserved<Velocity> velocities_;
   PerBody<std::size_t, System::bodies> place_;
   Reserved<int> bodies_;  ///< that have a place while points are taken up

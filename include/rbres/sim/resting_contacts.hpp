@@ -115,7 +115,7 @@ class RestingContacts {
         const S target = minimum(closing_speed(pair, pair.manifold, i, pull), S(0));
         rows_.add(pair, pair.manifold, i, pair.resting[i], target, pair.surface.friction, motion);
       });
-      within_step_ ? rows_.sweep_within_step(motion, slow) : rows_.solve(motion, slow);
+      within_step_ ? rows_.sweep_within_step(motion, slow) : rows_.correct(motion, slow);
     }
     return stopped;
   }
@@ -208,8 +208,8 @@ class RestingContacts {
   /// How much deeper than at the start of a part the deepest point is in `flown`, where the contacts' forces
   /// have taken the bodies; 1: as deep as it may get. Of resting pairs, or of all. In
   /// a crowd a new point may end the part, which is cheap; else parts are so short there that runs do not
-  /// depend on rounding.
-  S sunk(const Pairs& pairs, const State& flown, const MaskOf<S>& all) {
+  /// depend on rounding. `sinking`: see impact_time().
+  S sunk(const Pairs& pairs, const State& flown, const MaskOf<S>& all, const S& sinking) {
     at_end_.resize(pairs.size());
     S worst(0);
     for (std::size_t k = 0; k < pairs.size(); ++k) {
@@ -217,21 +217,23 @@ class RestingContacts {
       if (!any(all | pair.any_resting)) continue;
       typename Pair::Contact& contact = at_end_[k];
       pair.find(*system_, flown, contact);
-      S deeper = select(all | pair.any_resting,
-                        S(minimum(pair.manifold.separation, S(0)) - contact.separation), S(0));
-      if (pair.fixed_points()) {
-        deeper = S(0);
-        for (std::size_t i = 0; i < P; ++i) {
-          const MaskOf<S> counts = pair.resting[i] | all;
-          const S depth = minimum(pair.manifold.gap[i], S(0)) - contact.gap[i];
-          deeper = maximum(deeper, select(counts, depth, S(0)));
-        }
-      }
       S most = pair.most_sinking();
       // A part may end where a new point of a resting pair shows: as deep as impact_time() lets it get.
       if (in_crowd_ && any(all) && !pair.fixed_points())
         most = select(pair.any_resting, S(as<S>(1.05) * pair.near), most);
-      worst = maximum(worst, S(deeper / most));
+      const auto share = [&](const S& before, const S& after) {
+        const S depth = -minimum(before, S(0));
+        return S((-after - depth) / maximum(most, S(as<S>(1.05) * (sinking * pair.size - depth))));
+      };
+      if (!pair.fixed_points()) {
+        const S deeper = share(pair.manifold.separation, contact.separation);
+        worst = maximum(worst, select(all | pair.any_resting, deeper, S(0)));
+        continue;
+      }
+      for (std::size_t i = 0; i < P; ++i) {
+        const S deeper = share(pair.manifold.gap[i], contact.gap[i]);
+        worst = maximum(worst, select(pair.resting[i] | all, deeper, S(0)));
+      }
     }
     return worst;
   }
@@ -266,7 +268,7 @@ class RestingContacts {
         }
       }
       const MaskOf<S> every(true);
-      within_step_ ? rows_.sweep_within_step(end_, every) : rows_.solve(end_, every);
+      within_step_ ? rows_.sweep_within_step(end_, every) : rows_.correct(end_, every);
     }
     take_velocities(
         bodies_, [&](int i) { return moves(i); }, end, end_);

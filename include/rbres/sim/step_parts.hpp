@@ -147,7 +147,7 @@ class StepParts {
       // Resting contacts close a tenth of their gap in a step, and more where its parts must be short.
       // Bodies of a heap that are wedged between walls overlap both: they would push for ever.
       const ClosingRate<S> pull{as<S>(0.1) / h, select(longest < h, S(as<S>(0.5) / longest), S(0)),
-                                in_crowd_ ? as<S>(1e-5) : S(0)};
+                                in_crowd_ ? as<S>(1.1 * heap_sinking) : S(0)};
 
       // Find the pairs that may touch before the step is over.
       if (!flown) {
@@ -235,8 +235,10 @@ class StepParts {
         resolved = true;
         continue;
       }
+      const S sinking = resting && in_crowd_ ? as<S>(heap_sinking) : S(0);
       // However dense the impacts, time goes on.
-      const S impact = maximum(earliest_impact(pairs, y, ahead, lost), minimum(ahead, S(as<S>(1e-9) * h)));
+      const S impact =
+          maximum(earliest_impact(pairs, y, ahead, sinking, lost), minimum(ahead, S(as<S>(1e-9) * h)));
       const MaskOf<S> cuts = running & (impact < ahead);
       const bool cut = any(cuts);
       if (cut) {
@@ -246,7 +248,8 @@ class StepParts {
       if (cut || resting) {
         // Forces that are constant over a part, and the interpolation that finds impacts, are off by the
         // third and fourth power of its duration: where bodies end too deep, it must be shorter.
-        const MaskOf<S> divides = ahead > shortest, sinks = resting_.sunk(pairs, part_end_, cuts) > S(1);
+        const MaskOf<S> divides = ahead > shortest,
+                        sinks = resting_.sunk(pairs, part_end_, cuts, sinking) > S(1);
         const MaskOf<S> deep = running & divides & sinks;
         if (any(deep)) {
           longest = select(deep, maximum(S(as<S>(0.5) * ahead), shortest), longest);
@@ -272,6 +275,10 @@ class StepParts {
   }
 
  private:
+  /// How deep bodies of a heap may be in one another before they have an impact, as a share of their size:
+  /// so dozens of impacts that are due within one step are resolved a few times together.
+  static constexpr double heap_sinking = 1e-4;
+
   /// Whether a body's forces depend on nothing but itself: else none sleeps.
   template <class Model>
   static constexpr bool may_sleep =
@@ -303,8 +310,8 @@ class StepParts {
   }
 
   /// When in a part of so many seconds from `start` to part_end_ the first pair touches that does not rest,
-  /// s; all of the part where none does. `lost` gains the lanes in which a pair goes too far for one step.
-  S earliest_impact(Pairs& pairs, const State& start, const S& seconds, MaskOf<S>& lost) {
+  /// s; all of the part where none does. `sinking`, `lost`: see impact_time().
+  S earliest_impact(Pairs& pairs, const State& start, const S& seconds, const S& sinking, MaskOf<S>& lost) {
     for (const int i : bodies_) {
       const RigidState<S>& body = part_end_[i];
       Motion<S>& motion = end_motion_[static_cast<std::size_t>(i)];
@@ -314,7 +321,8 @@ class StepParts {
     }
     S earliest = seconds;
     for (auto& pair : pairs) {
-      pair.impact = impact_time(*system_, pair, start, part_end_, end_motion_, seconds, probe_, lost);
+      pair.impact =
+          impact_time(*system_, pair, start, part_end_, end_motion_, seconds, sinking, probe_, lost);
       earliest = minimum(earliest, pair.impact);
     }
     return earliest;
