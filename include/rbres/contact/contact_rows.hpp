@@ -138,10 +138,13 @@ class ContactRows {
             open | (rows_[from].plane() ? solve_pair<FixedPoint>(from, motion, single, friction, tolerance)
                                         : solve_pair<FreePoint>(from, motion, single, friction, tolerance));
       }
-      if (any(open)) open = sweep_rows(motion, open, friction, tolerance, few);
     }
-    MaskOf<S> left(false);
-    if (any(joint)) left = coupled_.solve(*this, motion, joint, friction, tolerance, coarse);
+    // Slower, but surer: single pairs that have failed get a second try.
+    MaskOf<S> left = open | joint;
+    if (any(left)) left = coupled_.solve(*this, motion, left, friction, tolerance, coarse);
+    open = left & apart;
+    left = left & joint;
+    if (any(open)) open = sweep_rows(motion, open, friction, tolerance, few);
     if (!any(open | left)) return;
     if (coarsely) return sweep_within_step(motion, where);
     if (newton_.take_up(*this, motion)) {
