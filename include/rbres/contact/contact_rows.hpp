@@ -104,17 +104,16 @@ class ContactRows {
   }
 
   /// Changes the velocities in `motion` until every row obeys its laws, to the tolerance of the smallest
-  /// bodies. Only in the lanes `where`.
-  void solve(Motions& motion, const MaskOf<S>& where) { solve(motion, where, true, tolerance_); }
-  /// The same for what forces that follow would take up, too: in a crowd what Newton's method does not solve
-  /// is swept no more than within a step.
-  void correct(Motions& motion, const MaskOf<S>& where) { solve(motion, where, true, tolerance_, in_crowd_); }
-
+  /// bodies. Only in the lanes `where`. A large heap that is `moving` is swept less, from the forces of the
+  /// step before.
+  void solve(Motions& motion, const MaskOf<S>& where, bool moving) {
+    solve(motion, where, true, tolerance_, moving);
+  }
   /// The same, coarser and faster, for what lasts no longer than the step. It starts with friction, from the
   /// forces of the part before.
   void solve_within_step(Motions& motion, const MaskOf<S>& where) {
     constexpr int some = 24;
-    if (all(pairs_apart())) return solve(motion, where);
+    if (all(pairs_apart())) return solve(motion, where, false);
     sweep(motion, where, true, as<S>(1e4) * tolerance_, some);
   }
   /// Coarser still, where forces that are found next take up what is left.
@@ -122,43 +121,34 @@ class ContactRows {
     constexpr int some = 12;
     sweep(motion, where, true, as<S>(1e6) * tolerance_, some);
   }
+  /// The same of what Newton's method does not solve.
+  void correct_moving(Motions& motion, const MaskOf<S>& where) {
+    if (any(solve_directly(motion, where, true, tolerance_))) sweep_within_step(motion, where);
+  }
 
-  /// The same to `tolerance` (m/s), with or without friction. Newton's method solves most single pairs and
+  /// Solves to `tolerance` (m/s), with or without friction. Newton's method solves most single pairs and
   /// most small islands; a few sweeps others, the method of multipliers what is left. Large heaps, for which
   /// that costs too much, are swept to a coarser tolerance, and on where that is soon reached.
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance,
-             bool coarsely = false) {
+             bool moving = false) {
     constexpr int few = 12, some = 40, many = 100;
-    const S coarse = as<S>(2000.0) * tolerance;
-    const MaskOf<S> apart = pairs_apart(), single = where & apart, joint = where & !apart;
-    MaskOf<S> open(false);
-    if (any(single)) {
-      for (std::size_t from = 0; from < rows_.size(); from = end_of_pair(from)) {
-        open =
-            open | (rows_[from].plane() ? solve_pair<FixedPoint>(from, motion, single, friction, tolerance)
-                                        : solve_pair<FreePoint>(from, motion, single, friction, tolerance));
-      }
-    }
-    // Slower, but surer: single pairs that have failed get a second try.
-    MaskOf<S> left = open | joint;
-    if (any(left)) left = coupled_.solve(*this, motion, left, friction, tolerance, coarse);
-    open = left & apart;
-    left = left & joint;
-    if (any(open)) open = sweep_rows(motion, open, friction, tolerance, few);
-    if (!any(open | left)) return;
-    if (coarsely) return sweep_within_step(motion, where);
+    const MaskOf<S> left = solve_directly(motion, where, friction, tolerance);
+    if (!any(left)) return;
     if (newton_.take_up(*this, motion)) {
+      const MaskOf<S> apart = pairs_apart();
+      MaskOf<S> single = left & apart, joint = left & !apart;
+      if (any(single)) single = sweep_rows(motion, single, friction, tolerance, few);
       // Friction comes second: what it answers before the normals agree only slows it down.
-      if (any(left)) left = sweep(motion, left, false, tolerance, few);
-      if (any(left) && friction) left = sweep(motion, left, true, tolerance, few);
-      open = open | left;
+      if (any(joint)) joint = sweep(motion, joint, false, tolerance, few);
+      if (any(joint) && friction) joint = sweep(motion, joint, true, tolerance, few);
+      const MaskOf<S> open = single | joint;
       if (any(open)) newton_.solve(*this, motion, open, friction, tolerance);
       return;
     }
-    open = open | left;
-    // A crowd starts from the forces of the step before.
-    if (!(in_crowd_ && friction)) open = sweep(motion, open, false, coarse, many);
-    if (friction) open = sweep(motion, where, true, coarse, in_crowd_ ? some : many);
+    const S coarse = coarser(tolerance);
+    MaskOf<S> open = left;
+    if (!(moving && friction)) open = sweep(motion, open, false, coarse, many);
+    if (friction) open = sweep(motion, where, true, coarse, moving ? some : many);
     if (!any(open)) sweep(motion, where, friction, tolerance, few);
   }
 
@@ -172,6 +162,24 @@ class ContactRows {
     std::size_t end = from + 1;
     while (end < rows_.size() && same_pair(rows_[end], rows_[from])) ++end;
     return end;
+  }
+
+  static S coarser(const S& tolerance) { return as<S>(2000.0) * tolerance; }
+
+  /// Newton's methods, for pairs and for islands. Returns the lanes in which laws are off.
+  MaskOf<S> solve_directly(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
+    const MaskOf<S> apart = pairs_apart(), single = where & apart;
+    MaskOf<S> left = where & !apart;
+    if (any(single)) {
+      for (std::size_t from = 0; from < rows_.size(); from = end_of_pair(from)) {
+        left =
+            left | (rows_[from].plane() ? solve_pair<FixedPoint>(from, motion, single, friction, tolerance)
+                                        : solve_pair<FreePoint>(from, motion, single, friction, tolerance));
+      }
+    }
+    // Single pairs that have failed get a second try: it is slower, but surer.
+    if (any(left)) left = coupled_.solve(*this, motion, left, friction, tolerance, coarser(tolerance));
+    return left;
   }
 
   /// Gives the points of the pair whose first row this is the impulses that Newton's method finds. Returns

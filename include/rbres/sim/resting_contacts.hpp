@@ -38,6 +38,7 @@ class RestingContacts {
         energy_(system),
         kept_(system),
         rests_(per_body<MaskOf<S>>(system)),
+        moving_(per_body<bool>(system)),
         forces_(per_body<RestingForce<S>>(system)),
         torqued_(per_body<MaskOf<S>>(system)),
         turns_(system),
@@ -74,10 +75,13 @@ class RestingContacts {
 
   /// Marks the points that touch, or nearly so, and move slowly; groups their pairs, of `bodies`, into
   /// islands. False where there are none.
-  bool find(const Bodies& bodies, Pairs& pairs, const MaskOf<S>& running) {
+  bool find(const Bodies& bodies, Pairs& pairs, const Motions& motion, const MaskOf<S>& running) {
     bodies_ = bodies;
     islands_.clear();
-    for (const int i : bodies_) rests_[index(i)] = MaskOf<S>(false);
+    for (const int i : bodies_) {
+      rests_[index(i)] = MaskOf<S>(false);
+      if (in_crowd_) moving_[index(i)] = is_moving(i, motion[index(i)]);
+    }
     bool found = false;
     for (std::size_t k = 0; k < pairs.size(); ++k) {
       Pair& pair = pairs[k];
@@ -115,7 +119,7 @@ class RestingContacts {
         const S target = minimum(closing_speed(pair, pair.manifold, i, pull), S(0));
         rows_.add(pair, pair.manifold, i, pair.resting[i], target, pair.surface.friction, motion);
       });
-      within_step_ ? rows_.sweep_within_step(motion, slow) : rows_.correct(motion, slow);
+      correct(motion, slow, is_moving(pairs, island));
     }
     return stopped;
   }
@@ -147,6 +151,7 @@ class RestingContacts {
         for (const std::size_t k : islands_[island]) memory_.keep(pairs[k]);
         continue;
       }
+      const bool moving = is_moving(pairs, island);
       turns_.find_halfway(*system_, pairs, islands_[island], y, at_end_);
       take_up(pairs, island, [&](std::size_t k, const Pair& pair, std::size_t i) {
         const S target = closing_speed(pair, pair.manifold, i, pull) - pair.speed[i];
@@ -169,7 +174,7 @@ class RestingContacts {
         return turns_.foresee(*system_, pairs, islands_[island], y, free, left, where, guess, unheld_, end_);
       };
       const auto solve = [&](const MaskOf<S>& where) {
-        within_step_ ? rows_.solve_within_step(end_, where) : rows_.solve(end_, where);
+        within_step_ ? rows_.solve_within_step(end_, where) : rows_.solve(end_, where, moving);
       };
       foresee(open, true);
       solve(open);
@@ -223,7 +228,8 @@ class RestingContacts {
         most = select(pair.any_resting, S(as<S>(1.05) * pair.near), most);
       const auto share = [&](const S& before, const S& after) {
         const S depth = -minimum(before, S(0));
-        return S((-after - depth) / maximum(most, S(as<S>(1.05) * (sinking * pair.size - depth))));
+        const S sinks = is_moving(pair) ? S(as<S>(1.05) * (sinking * pair.size - depth)) : S(0);
+        return S((-after - depth) / maximum(most, sinks));
       };
       if (!pair.fixed_points()) {
         const S deeper = share(pair.manifold.separation, contact.separation);
@@ -254,6 +260,7 @@ class RestingContacts {
     set_motions(*system_, bodies_, end, end_);
     for (std::size_t island = 0; island < islands_.count(); ++island) {
       if (keeps(pairs, island)) continue;
+      const bool moving = is_moving(pairs, island);
       rows_.clear();
       for (const std::size_t k : islands_[island]) {
         const Pair& pair = pairs[k];
@@ -268,7 +275,7 @@ class RestingContacts {
         }
       }
       const MaskOf<S> every(true);
-      within_step_ ? rows_.sweep_within_step(end_, every) : rows_.correct(end_, every);
+      correct(end_, every, moving);
     }
     take_velocities(
         bodies_, [&](int i) { return moves(i); }, end, end_);
@@ -304,6 +311,34 @@ class RestingContacts {
     return kept_.has(pairs[islands_[island].front()]);
   }
 
+  /// Whether body i is not nearly at rest.
+  bool is_moving(int i, const Motion<S>& motion) const {
+    const S size = (*system_)[i].bounding_radius(), slow = as<S>(1e-3) * speed_scale(size);
+    return any(squared_norm(motion.velocity) + square(size) * squared_norm(motion.angular_velocity) >
+               square(slow));
+  }
+  /// Whether an island of a crowd is in motion: what its contacts do wrong then is soon over.
+  bool is_moving(const Pairs& pairs, std::size_t island) const {
+    return in_crowd_ && std::any_of(islands_[island].begin(), islands_[island].end(),
+                                    [&](std::size_t k) { return is_moving(pairs[k]); });
+  }
+  bool is_moving(const Pair& pair) const {
+    const auto& [first, second] = pair.moved;
+    return in_crowd_ && (moving_[index(second)] || (first >= 0 && moving_[index(first)]));
+  }
+
+  /// Takes away what approaches in the rows of an island: coarsely where forces that are found next take up
+  /// what is left.
+  void correct(Motions& motion, const MaskOf<S>& where, bool moving) {
+    if (within_step_) {
+      rows_.sweep_within_step(motion, where);
+    } else if (moving) {
+      rows_.correct_moving(motion, where);
+    } else {
+      rows_.solve(motion, where, false);
+    }
+  }
+
   /// Takes up the resting points i of an island by add(k, pair k, i).
   template <class Add>
   void take_up(const Pairs& pairs, std::size_t island, const Add& add) {
@@ -327,6 +362,7 @@ class RestingContacts {
   KeptIslands<System> kept_;
   bool within_step_ = false;  ///< whether an impact in a crowd has ended the part before
   PerBody<MaskOf<S>, System::bodies> rests_;
+  PerBody<bool, System::bodies> moving_;  ///< where a part begins, in a crowd
   Forces forces_;
   PerBody<MaskOf<S>, System::bodies> torqued_;  ///< whether other forces turn it
   RestingTurns<System> turns_;

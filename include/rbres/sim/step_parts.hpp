@@ -195,7 +195,7 @@ class StepParts {
       resolved = false;
 
       // Find the forces of resting contacts.
-      const bool resting = resting_.find(bodies_, pairs, running);
+      const bool resting = resting_.find(bodies_, pairs, motion_, running);
       if (const MaskOf<S> stopped =
               resting ? resting_.stop_approaches(pairs, motion_, pull) : MaskOf<S>(false);
           any(stopped)) {
