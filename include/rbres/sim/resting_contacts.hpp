@@ -260,7 +260,6 @@ class RestingContacts {
     set_motions(*system_, bodies_, end, end_);
     for (std::size_t island = 0; island < islands_.count(); ++island) {
       if (keeps(pairs, island)) continue;
-      const bool moving = is_moving(pairs, island);
       rows_.clear();
       for (const std::size_t k : islands_[island]) {
         const Pair& pair = pairs[k];
@@ -275,7 +274,7 @@ class RestingContacts {
         }
       }
       const MaskOf<S> every(true);
-      correct(end_, every, moving);
+      correct(end_, every, is_moving(pairs, island));
     }
     take_velocities(
         bodies_, [&](int i) { return moves(i); }, end, end_);
