@@ -23,15 +23,17 @@ struct ConePoint {
   Vec3<S> push;   ///< N s
   Mat3<S> slope;  ///< kg
 
-  /// Starts from the impulse that a point has.
-  template <class Point>
-  void take(const Point& point, const MaskOf<S>& where) {
+  /// Starts from the impulse that a point has. `responses`: see response.
+  void take(const std::array<S, 2>& responses, const std::array<S, 3>& start, const MaskOf<S>& where) {
     active = where;
-    response = {point.normal_response(), point.tangent_response()};
+    response = responses;
     rho = {inverse(response[0]), inverse(response[1])};
     const auto held = [&](const S& x) { return select(active, x, S(0)); };
-    const auto& [normal, u, v] = point.impulse();
-    impulse = {held(normal), held(u), held(v)};
+    impulse = {held(start[0]), held(start[1]), held(start[2])};
+  }
+  template <class Point>
+  void take(const Point& point, const MaskOf<S>& where) {
+    take({point.normal_response(), point.tangent_response()}, point.impulse(), where);
   }
 
   /// Takes up the fault that the iterate leaves. Returns the worse of `worst` and by how much the laws are

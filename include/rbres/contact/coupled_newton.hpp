@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cstddef>
 #include <limits>
-#include <rbres/contact/cone_point.hpp>
-#include <rbres/contact/contact_row.hpp>
-#include <rbres/contact/island_equations.hpp>
+#include <rbres/contact/body_points.hpp>
+#include <rbres/contact/island_points.hpp>
+#include <type_traits>
 
 namespace rbres::RBRES_ABI::detail {
 
@@ -15,23 +15,36 @@ namespace rbres::RBRES_ABI::detail {
 template <class System, class S>
 class CoupledNewton {
  public:
-  CoupledNewton(const System& system, std::size_t most_rows) : equations_(system) {
-    rows_.reserve(most_rows);
-  }
+  CoupledNewton(const System& system, std::size_t most_rows) : island_(system, most_rows) {}
 
   /// Changes the impulses of `rows` (ContactRows) and the velocities in `motion`, to the best that it finds:
   /// until no law is off by more than `tolerance` (m/s), or none gets better. True where none is off by more
   /// than `coarse`.
   template <class Rows, class Motions>
   bool solve(Rows& rows, Motions& motion, bool friction, const S& tolerance, const S& coarse) {
+    const auto found = [&](auto& points) {
+      const S best = approach(points, tolerance);
+      points.give(rows, motion);
+      return best <= coarse;
+    };
+    if constexpr (single) {
+      if (body_.take_up(rows, motion, friction)) return found(body_);
+    }
+    return island_.take_up(rows, motion, friction) && found(island_);
+  }
+
+ private:
+  /// Goes steps until no law is off by more than `tolerance`, or none gets better. Returns by how much the
+  /// worst is off at best, m/s.
+  template <class Points>
+  static S approach(Points& points, const S& tolerance) {
     constexpr int most_steps = 30, patience = 8;
     constexpr double least_soft = std::is_same_v<typename Constants<S>::Real, float> ? 1e-3 : 1e-5;
-    if (!take_up(rows, motion, friction)) return false;
     double soft = 1;
     int since = 0;  // steps since it got better by half
     S last(std::numeric_limits<typename Constants<S>::Real>::max()), best = last, mark = last;
     for (int step = 0;; ++step) {
-      const S worst = read(rows, motion);
+      const S worst = points.read();
       // Soft at first, or points of one face whose targets differ would take turns.
       soft = worst < last ? std::max(0.1 * soft, least_soft) : std::min(10 * soft, 0.1);
       last = worst;
@@ -39,86 +52,19 @@ class CoupledNewton {
       if (since == 0) mark = worst;
       if (worst < best) {
         best = worst;
-        for (RowState& r : rows_) r.keep(true);
+        points.keep();
       }
-      if (best <= tolerance || step == most_steps || since == patience) break;
-      advance(rows, motion, soft);
+      if (best <= tolerance || step == most_steps || since == patience) return best;
+      points.advance(soft);
     }
-    // From the start again: impulses that have been huge on the way leave their rounding errors behind.
-    equations_.restart(motion);
-    std::size_t k = 0;
-    rows.each(motion, [&](auto&, auto& point, auto& first, auto& second) {
-      const RowState& r = rows_[k++];
-      Triple<S> change = r.result(r.friction);
-      for (std::size_t d = 0; d < 3; ++d) change[d] -= r.start[d];
-      point.restore(r.start);
-      if (r.active) point.add(change, first, second);
-    });
-    return best <= coarse;
   }
 
- private:
-  struct RowState : ConePoint<S> {
-    PointJacobian<S> jacobian;
-    S friction;
-    Triple<S> start;  ///< impulse before the first step, N s
-  };
+  /// Dual numbers do not fit registers.
+  static constexpr bool single = std::is_floating_point_v<S>;
+  struct NoBody {};
 
-  /// Takes up the rows of an island. False where it is too large.
-  template <class Rows, class Motions>
-  bool take_up(Rows& rows, Motions& motion, bool friction) {
-    rows_.clear();
-    equations_.clear();
-    rows.each(motion, [&](auto& row, auto& point, auto&, auto&) {
-      RowState& r = rows_.emplace_back();
-      r.take(point, row.active);
-      r.jacobian = equations_.jacobian(row.who, row.moved, point);
-      r.friction = friction ? row.friction : S(0);
-      r.start = point.impulse();
-    });
-    if (!equations_.shape(motion)) return false;
-    equations_.stay();
-    return true;
-  }
-
-  /// Returns by how much the worst law is off, m/s.
-  template <class Rows, class Motions>
-  S read(Rows& rows, Motions& motion) {
-    S worst(0);
-    std::size_t k = 0;
-    rows.each(motion, [&](auto& row, auto& point, auto& first, auto& second) {
-      RowState& r = rows_[k++];
-      const Vec3<S> fault{point.velocity(0, first, second) - row.target, point.velocity(1, first, second),
-                          point.velocity(2, first, second)};
-      worst = r.read(fault, r.friction, worst);
-    });
-    return worst;
-  }
-
-  /// Goes a step. `soft` as in ConePoint.
-  template <class Rows, class Motions>
-  void advance(Rows& rows, Motions& motion, double soft) {
-    equations_.start();
-    for (RowState& r : rows_) {
-      r.linearise(r.friction, soft);
-      const auto& [x, y, z] = r.slope;
-      equations_.add(r.jacobian, {{{x.x, y.x, z.x}, {x.y, y.y, z.y}, {x.z, y.z, z.z}}},
-                     {r.push.x, r.push.y, r.push.z});
-    }
-    equations_.solve();
-    std::size_t k = 0;
-    rows.each(motion, [&](auto&, auto& point, auto& first, auto& second) {
-      RowState& r = rows_[k++];
-      const Triple<S> change = equations_.change(r.jacobian);
-      const Vec3<S> before = r.impulse;
-      r.advance({change[0], change[1], change[2]}, r.active);
-      const Vec3<S> step = r.impulse - before;
-      point.add({step.x, step.y, step.z}, first, second);
-    });
-  }
-
-  Reserved<RowState, row_room<System>> rows_;
-  IslandEquations<System, false, S> equations_;
+  IslandPoints<System, S> island_;
+  [[no_unique_address]] std::conditional_t<single, BodyPoints<S>, NoBody> body_;
 };
 
 /// The contact points of one lane, as ContactRows has those of all.

@@ -24,6 +24,43 @@ struct PointJacobian {
   std::array<Line, 3> on_first, on_second;  ///< on_first is not read where contacts move one body alone
 };
 
+/// How the velocity of its second body moves a contact point; of its first body.
+/// @{
+template <class S, class Point>
+std::array<typename PointJacobian<S>::Line, 3> lines_on_second(const Point& point) {
+  const auto line = [&](std::size_t d) -> typename PointJacobian<S>::Line {
+    const Vec3<S>&way = point.direction(d), &arm = point.second_arm(d);
+    return {way.x, way.y, way.z, arm.x, arm.y, arm.z};
+  };
+  return {line(0), line(1), line(2)};
+}
+template <class S, class Point>
+std::array<typename PointJacobian<S>::Line, 3> lines_on_first(const Point& point) {
+  const auto line = [&](std::size_t d) -> typename PointJacobian<S>::Line {
+    const Vec3<S> way = -point.direction(d), arm = -point.first_arm(d);
+    return {way.x, way.y, way.z, arm.x, arm.y, arm.z};
+  };
+  return {line(0), line(1), line(2)};
+}
+/// @}
+/// A point's velocity by that of one of its bodies, six numbers.
+template <class S>
+Triple<S> along(const std::array<typename PointJacobian<S>::Line, 3>& side, const S* v) {
+  Triple<S> all;
+  for (std::size_t d = 0; d < 3; ++d) {
+    all[d] = S(0);
+    for (std::size_t k = 0; k < 6; ++k) all[d] += side[d][k] * v[k];
+  }
+  return all;
+}
+/// Replaces an impulse and its moment by the change of velocity that they give a body.
+template <class S>
+void respond_to(const Motion<S>& body, S* six) {
+  for (std::size_t d = 0; d < 3; ++d) six[d] *= body.inverse_mass;
+  const Vec3<S> spin = body.inverse_inertia * Vec3<S>{six[3], six[4], six[5]};
+  six[3] = spin.x, six[4] = spin.y, six[5] = spin.z;
+}
+
 /// Of a factorisation: an island of 9 bodies in a heap, or of some 100 in a row. Larger ones take as many
 /// numbers, too.
 inline constexpr std::size_t most_products = 40'000, most_numbers = 10'000;
@@ -75,15 +112,12 @@ class IslandEquations {
   /// their places in the order in which they are named.
   template <class Point>
   Jacobian jacobian(const Candidate& who, const Candidate& moved, const Point& point) {
-    const auto line = [](const Vec3<S>& direction, const Vec3<S>& arm) {
-      return Six{direction.x, direction.y, direction.z, arm.x, arm.y, arm.z};
-    };
     Jacobian j{};
     j.first = plane;
     j.second = place(moved.second);
-    for (std::size_t d = 0; d < 3; ++d) j.on_second[d] = line(point.direction(d), point.second_arm(d));
+    j.on_second = lines_on_second<S>(point);
     if constexpr (requires { point.first_arm(0); }) {
-      for (std::size_t d = 0; d < 3; ++d) j.on_first[d] = line(-point.direction(d), -point.first_arm(d));
+      j.on_first = lines_on_first<S>(point);
       if (moved.first >= 0) {
         j.first = place(moved.first);
         const auto [low, high] = std::minmax(j.first, j.second);
@@ -122,6 +156,18 @@ class IslandEquations {
 
   /// Nothing has moved.
   void stay() { std::fill(moved_.begin(), moved_.end(), S(0)); }
+  /// Moves the bodies by the impulses (N s) of push() since stay().
+  /// @{
+  void push(const Jacobian& j, const Triple<S>& impulse) {
+    add_push(j.second, j.on_second, impulse, moved_);
+    if (j.first != plane) add_push(j.first, j.on_first, impulse, moved_);
+  }
+  void respond() {
+    for (std::size_t i = 0; i < bodies_.size(); ++i) respond_to(start_[i], &moved_[6 * i]);
+  }
+  /// @}
+  /// How that changes a point's velocity.
+  Triple<S> moved(const Jacobian& j) const { return velocity(j, moved_); }
 
   /// Starts the equations with the bodies' masses.
   void start() {
@@ -140,15 +186,20 @@ class IslandEquations {
         matrix_(6 * i + 3, 6 * i + 5) = inertia.x.z;
         matrix_(6 * i + 4, 6 * i + 5) = inertia.y.z;
       }
-      const Six m = momentum(i, &moved_[6 * i]);
-      for (std::size_t d = 0; d < 6; ++d) step_[6 * i + d] = -m[d];
+      if constexpr (Symmetric) {
+        const Six m = momentum(i, &moved_[6 * i]);
+        for (std::size_t d = 0; d < 6; ++d) step_[6 * i + d] = -m[d];
+      }
     }
-    if constexpr (!Symmetric) matrix_.weigh();
+    if constexpr (!Symmetric) {
+      std::fill(step_.begin(), step_.end(), S(0));
+      matrix_.weigh();
+    }
   }
   /// Adds J^T slope J and J^T push of one point.
   void add(const Jacobian& j, const std::array<Triple<S>, 3>& slope, const Triple<S>& push) {
-    add_push(j.second, j.on_second, push);
-    if (j.first != plane) add_push(j.first, j.on_first, push);
+    add_push(j.second, j.on_second, push, step_);
+    if (j.first != plane) add_push(j.first, j.on_first, push, step_);
     const MaskOf<S> pushes = slope[0][0] > S(0), rubs = slope[1][1] + slope[2][2] > S(0);
     if (!any(pushes | rubs)) return;
     add_block(j.second, j.on_second, slope, j.second, j.on_second);
@@ -159,22 +210,12 @@ class IslandEquations {
   }
   /// Finds the step of the bodies' velocities.
   void solve() {
-    matrix_.factor();
+    if constexpr (Symmetric) matrix_.factor();
     matrix_.solve(step_);
   }
 
   /// How the step changes a point's velocity.
-  Triple<S> change(const Jacobian& j) const {
-    Triple<S> change;
-    for (std::size_t d = 0; d < 3; ++d) {
-      change[d] = S(0);
-      for (std::size_t k = 0; k < 6; ++k) {
-        change[d] += j.on_second[d][k] * step_[6 * j.second + k];
-        if (j.first != plane) change[d] += j.on_first[d][k] * step_[6 * j.first + k];
-      }
-    }
-    return change;
-  }
+  Triple<S> change(const Jacobian& j) const { return velocity(j, step_); }
   /// The slope of the kinetic part, dv . M (moved + length dv), is rise + length bend.
   struct KineticSlope {
     S rise, bend;
@@ -228,10 +269,18 @@ class IslandEquations {
     }
     return at;
   }
-  void add_push(std::size_t i, const std::array<Six, 3>& side, const Triple<S>& push) {
+  static void add_push(std::size_t i, const std::array<Six, 3>& side, const Triple<S>& push,
+                       std::span<S> to) {
     for (std::size_t d = 0; d < 3; ++d) {
-      for (std::size_t k = 0; k < 6; ++k) step_[6 * i + k] += side[d][k] * push[d];
+      for (std::size_t k = 0; k < 6; ++k) to[6 * i + k] += side[d][k] * push[d];
     }
+  }
+  static Triple<S> velocity(const Jacobian& j, std::span<const S> moves) {
+    Triple<S> v = along(j.on_second, &moves[6 * j.second]);
+    if (j.first == plane) return v;
+    const Triple<S> of_first = along(j.on_first, &moves[6 * j.first]);
+    for (std::size_t d = 0; d < 3; ++d) v[d] += of_first[d];
+    return v;
   }
   void add_block(std::size_t i, const std::array<Six, 3>& left, const std::array<Triple<S>, 3>& slope,
                  std::size_t j, const std::array<Six, 3>& right) {

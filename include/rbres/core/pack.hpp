@@ -137,7 +137,7 @@ struct Pack {
   /// The numbers of a vector.
   Pack(const Vector& x) : v(x) {}
   /// The same number in every lane.
-  Pack(T x) : v(Vector{} + x) {}
+  Pack(T x) : v(x - Vector{}) {}
 
   /// Lane by lane.
   /// @{
