@@ -17,7 +17,7 @@ namespace rbres::RBRES_ABI::detail {
 /// lane.
 template <class S>
 class BodyPoints {
-  static constexpr std::size_t lanes = native_lanes<S>, most = 32;
+  static constexpr std::size_t lanes = native_lanes<S>, most = 16;
   using Wide = Pack<S, int(lanes)>;
   using Line = Pack<S, 8>;  ///< six numbers of the body, one of the right side, and one to fill a register
 
