@@ -125,7 +125,8 @@ class ContactRows {
   /// that costs too much, are swept to a coarser tolerance, and on where that is soon reached.
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
     constexpr int few = 12, many = 100;
-    const S coarse = as<S>(2000.0) * tolerance;
+    constexpr double enough = std::is_same_v<typename Constants<S>::Real, float> ? 2e3 : 1e6;
+    const S coarse = as<S>(2000.0) * tolerance, rough = as<S>(enough) * tolerance;
     const MaskOf<S> apart = pairs_apart(), single = where & apart, joint = where & !apart;
     MaskOf<S> open(false);
     if (any(single)) {
@@ -137,12 +138,14 @@ class ContactRows {
       if (any(open)) open = sweep_rows(motion, open, friction, tolerance, few);
     }
     MaskOf<S> left(false);
-    if (any(joint)) left = coupled_.solve(*this, motion, joint, friction, tolerance, coarse);
+    if (any(joint)) left = coupled_.solve(*this, motion, joint, friction, tolerance, coarse, rough);
     if (!any(open | left)) return;
     if (newton_.take_up(*this, motion)) {
       // Friction comes second: what it answers before the normals agree only slows it down.
-      if (any(left)) left = sweep(motion, left, false, tolerance, few);
-      if (any(left) && friction) left = sweep(motion, left, true, tolerance, few);
+      if (any(left)) {
+        const MaskOf<S> off = sweep(motion, left, false, tolerance, few);
+        left = friction ? sweep(motion, left, true, tolerance, few) : off;
+      }
       open = open | left;
       if (any(open)) newton_.solve(*this, motion, open, friction, tolerance);
       return;
