@@ -6,8 +6,9 @@
 #include <rbres/contact/block_square.hpp>
 #include <rbres/contact/cone_point.hpp>
 #include <rbres/contact/contact_row.hpp>
-#include <rbres/contact/island_equations.hpp>
+#include <rbres/contact/point_jacobian.hpp>
 #include <rbres/core/pack.hpp>
+#include <rbres/core/reserved.hpp>
 #include <type_traits>
 
 namespace rbres::RBRES_ABI::detail {
@@ -16,7 +17,7 @@ namespace rbres::RBRES_ABI::detail {
 /// lane.
 template <class S>
 class BodyPoints {
-  static constexpr std::size_t lanes = native_lanes<S>, most = 64;
+  static constexpr std::size_t lanes = native_lanes<S>, most = 32;
   using Wide = Pack<S, int(lanes)>;
   using Line = Pack<S, 8>;  ///< six numbers of the body, one of the right side, and one to fill a register
 
@@ -36,7 +37,7 @@ class BodyPoints {
     lines_.clear();
     rows.each(motion, [&](auto& row, auto& point, auto& first, auto& second) {
       const std::size_t l = lines_.size() % lanes;
-      if (l == 0) groups_.push_back(Group{});
+      if (l == 0) groups_.emplace_back().response = {Wide(1), Wide(1)};  // of lanes without a point
       Group& g = groups_[groups_.size() - 1];
       const auto set = [&](Wide& to, const S& x) { ScalarTraits<Wide>::set_lane(to, int(l), x); };
       set(g.taken, row.active ? S(1) : S(0));
@@ -164,7 +165,7 @@ class BodyPoints {
     weight_ = {weight, weight, weight, inverse(i.x.x), inverse(i.y.y), inverse(i.z.z)};
   }
 
-  int body_;
+  int body_ = 0;
   Motion<S> start_;
   std::array<Line, 6> inertia_;
   std::array<S, 6> weight_;  ///< see eliminate()
