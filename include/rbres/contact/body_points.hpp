@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstring>
@@ -19,7 +20,19 @@ template <class S>
 class BodyPoints {
   static constexpr std::size_t lanes = native_lanes<S>, most = 16;
   using Wide = Pack<S, int(lanes)>;
-  using Line = Pack<S, 8>;  ///< six numbers of the body, one of the right side, and one to fill a register
+  /// Six numbers of the body, one of the right side, and one that fills a register.
+  struct Line {
+    static constexpr std::size_t wide = std::min<std::size_t>(lanes, 8);
+    using Part = Pack<S, int(wide)>;
+    std::array<Part, 8 / wide> parts{};
+
+    Line() = default;
+    explicit Line(const std::array<S, 8>& numbers) { std::memcpy(&parts, &numbers, sizeof numbers); }
+    S operator[](std::size_t k) const { return parts[k / wide][int(k % wide)]; }
+    void add(const S& share, const Line& line) {
+      for (std::size_t i = 0; i < parts.size(); ++i) parts[i] += Part(share) * line.parts[i];
+    }
+  };
 
  public:
   /// As in IslandPoints. False where there are more bodies, or too many points.
@@ -53,7 +66,7 @@ class BodyPoints {
         set(g.start[d], point.impulse()[d]);
         for (std::size_t k = 0; k < 6; ++k) set(g.jacobian[d][k], jacobian[d][k]);
         const auto& [a, b, c, x, y, z] = jacobian[d];
-        lines[d] = typename Line::Vector{a, b, c, x, y, z, S(0), S(0)};
+        lines[d] = Line({a, b, c, x, y, z, S(0), S(0)});
       }
     });
     for (Group& g : groups_) {
@@ -79,14 +92,14 @@ class BodyPoints {
     });
   }
   S read() {
-    std::array<Line, 3> pushed{Line(S(0)), Line(S(0)), Line(S(0))};
+    std::array<Line, 3> pushed;
     each_line([&](const Group& g, int l, const std::array<Line, 3>& line) {
-      pushed[0] += Line(g.impulse.x[l] - g.start[0][l]) * line[0];
-      pushed[1] += Line(g.impulse.y[l] - g.start[1][l]) * line[1];
-      pushed[2] += Line(g.impulse.z[l] - g.start[2][l]) * line[2];
+      pushed[0].add(g.impulse.x[l] - g.start[0][l], line[0]);
+      pushed[1].add(g.impulse.y[l] - g.start[1][l], line[1]);
+      pushed[2].add(g.impulse.z[l] - g.start[2][l], line[2]);
     });
-    const Line all = pushed[0] + pushed[1] + pushed[2];
-    std::array<S, 6> moved{all[0], all[1], all[2], all[3], all[4], all[5]};
+    std::array<S, 6> moved;
+    for (std::size_t k = 0; k < 6; ++k) moved[k] = pushed[0][k] + pushed[1][k] + pushed[2][k];
     respond_to(start_, moved.data());
     Wide worst(0);
     for (Group& g : groups_) worst = g.read(g.left + g.velocity(moved), g.friction, worst);
@@ -100,21 +113,30 @@ class BodyPoints {
   void advance(double soft) {
     for (Group& g : groups_) g.linearise(g.friction, soft);
     std::array<Line, 6> matrix = inertia_;
-    Line right(0);
+    Line right;
     each_line([&](const Group& g, int l, const std::array<Line, 3>& line) {
       const auto& [x, y, z] = g.slope;
-      const auto sloped = [&](const Wide& a, const Wide& b, const Wide& c) {
-        return Line(a[l]) * line[0] + Line(b[l]) * line[1] + Line(c[l]) * line[2];
+      const auto sum = [&](const Wide& a, const Wide& b, const Wide& c) {
+        Line all;
+        all.add(a[l], line[0]);
+        all.add(b[l], line[1]);
+        all.add(c[l], line[2]);
+        return all;
       };
-      const Line n = sloped(x.x, y.x, z.x), u = sloped(x.y, y.y, z.y), v = sloped(x.z, y.z, z.z);
-      for (int k = 0; k < 6; ++k)
-        matrix[std::size_t(k)] += Line(line[0][k]) * n + Line(line[1][k]) * u + Line(line[2][k]) * v;
-      right += Line(g.push.x[l]) * line[0] + Line(g.push.y[l]) * line[1] + Line(g.push.z[l]) * line[2];
+      const Line n = sum(x.x, y.x, z.x), u = sum(x.y, y.y, z.y), v = sum(x.z, y.z, z.z);
+      for (std::size_t k = 0; k < 6; ++k) {
+        matrix[k].add(line[0][k], n);
+        matrix[k].add(line[1][k], u);
+        matrix[k].add(line[2][k], v);
+      }
+      right.add(g.push.x[l], line[0]);
+      right.add(g.push.y[l], line[1]);
+      right.add(g.push.z[l], line[2]);
     });
     alignas(64) std::array<S, 48> numbers;
     for (std::size_t k = 0; k < 6; ++k) {
       std::memcpy(&numbers[8 * k], &matrix[k], 8 * sizeof(S));
-      numbers[8 * k + 6] = right[int(k)];
+      numbers[8 * k + 6] = right[k];
     }
     std::array<S, 6> weight = weight_, step;
     eliminate(std::integral_constant<std::size_t, 6>(), std::integral_constant<std::size_t, 8>(),
@@ -157,10 +179,9 @@ class BodyPoints {
     start_ = body;
     const S mass = inverse(body.inverse_mass), o(0);
     const Mat3<S> i = symmetric_inverse(body.inverse_inertia);
-    using V = typename Line::Vector;
-    inertia_ = {V{mass, o, o, o, o, o, o, o},          V{o, mass, o, o, o, o, o, o},
-                V{o, o, mass, o, o, o, o, o},          V{o, o, o, i.x.x, i.y.x, i.z.x, o, o},
-                V{o, o, o, i.x.y, i.y.y, i.z.y, o, o}, V{o, o, o, i.x.z, i.y.z, i.z.z, o, o}};
+    inertia_ = {Line({mass, o, o, o, o, o, o, o}),          Line({o, mass, o, o, o, o, o, o}),
+                Line({o, o, mass, o, o, o, o, o}),          Line({o, o, o, i.x.x, i.y.x, i.z.x, o, o}),
+                Line({o, o, o, i.x.y, i.y.y, i.z.y, o, o}), Line({o, o, o, i.x.z, i.y.z, i.z.z, o, o})};
     const S weight = body.inverse_mass;
     weight_ = {weight, weight, weight, inverse(i.x.x), inverse(i.y.y), inverse(i.z.z)};
   }

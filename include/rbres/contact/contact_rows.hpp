@@ -107,7 +107,9 @@ class ContactRows {
   /// bodies. Only in the lanes `where`. A large heap that is `moving` is swept less, from the forces of the
   /// step before.
   void solve(Motions& motion, const MaskOf<S>& where, bool moving) {
-    solve(motion, where, true, tolerance_, moving);
+    // Of small islands that Newton's method leaves off by less, the other methods solve next to none.
+    constexpr double enough = std::is_same_v<typename Constants<S>::Real, float> ? 2e3 : 1e6;
+    solve(motion, where, true, tolerance_, as<S>(enough) * tolerance_, moving);
   }
   /// The same, coarser and faster, for what lasts no longer than the step. It starts with friction, from the
   /// forces of the part before.
@@ -123,24 +125,33 @@ class ContactRows {
   }
   /// The same of what Newton's method does not solve.
   void correct_moving(Motions& motion, const MaskOf<S>& where) {
-    if (any(solve_directly(motion, where, true, tolerance_))) sweep_within_step(motion, where);
+    if (any(solve_directly(motion, where, true, tolerance_, coarser(tolerance_))))
+      sweep_within_step(motion, where);
   }
 
-  /// Solves to `tolerance` (m/s), with or without friction. Newton's method solves most single pairs and
-  /// most small islands; a few sweeps others, the method of multipliers what is left. Large heaps, for which
-  /// that costs too much, are swept to a coarser tolerance, and on where that is soon reached.
-  void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance,
-             bool moving = false) {
+  /// The same to `tolerance` (m/s), with or without friction.
+  void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
+    solve(motion, where, friction, tolerance, coarser(tolerance), false);
+  }
+
+ private:
+  /// Newton's method solves most single pairs and most small islands; a few sweeps others, the method of
+  /// multipliers what it leaves off by more than `enough` (m/s). Large heaps, for which that costs too much,
+  /// are swept to a coarser tolerance, and on where that is soon reached.
+  void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance, const S& enough,
+             bool moving) {
     constexpr int few = 12, some = 40, many = 100;
-    const MaskOf<S> left = solve_directly(motion, where, friction, tolerance);
+    const MaskOf<S> left = solve_directly(motion, where, friction, tolerance, enough);
     if (!any(left)) return;
     if (newton_.take_up(*this, motion)) {
       const MaskOf<S> apart = pairs_apart();
       MaskOf<S> single = left & apart, joint = left & !apart;
       if (any(single)) single = sweep_rows(motion, single, friction, tolerance, few);
       // Friction comes second: what it answers before the normals agree only slows it down.
-      if (any(joint)) joint = sweep(motion, joint, false, tolerance, few);
-      if (any(joint) && friction) joint = sweep(motion, joint, true, tolerance, few);
+      if (any(joint)) {
+        const MaskOf<S> off = sweep(motion, joint, false, tolerance, few);
+        joint = friction ? sweep(motion, joint, true, tolerance, few) : off;
+      }
       const MaskOf<S> open = single | joint;
       if (any(open)) newton_.solve(*this, motion, open, friction, tolerance);
       return;
@@ -152,7 +163,6 @@ class ContactRows {
     if (!any(open)) sweep(motion, where, friction, tolerance, few);
   }
 
- private:
   static bool same_pair(const Row& a, const Row& b) {
     return a.who.first == b.who.first && a.who.second == b.who.second &&
            (Pair::places == Pair::points || a.point / Pair::points == b.point / Pair::points);
@@ -166,8 +176,10 @@ class ContactRows {
 
   static S coarser(const S& tolerance) { return as<S>(2000.0) * tolerance; }
 
-  /// Newton's methods, for pairs and for islands. Returns the lanes in which laws are off.
-  MaskOf<S> solve_directly(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
+  /// Newton's methods, for pairs and for islands. Returns the lanes in which laws are off, in islands by more
+  /// than `enough` (m/s).
+  MaskOf<S> solve_directly(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance,
+                           const S& enough) {
     const MaskOf<S> apart = pairs_apart(), single = where & apart;
     MaskOf<S> left = where & !apart;
     if (any(single)) {
@@ -178,7 +190,9 @@ class ContactRows {
       }
     }
     // Single pairs that have failed get a second try: it is slower, but surer.
-    if (any(left)) left = coupled_.solve(*this, motion, left, friction, tolerance, coarser(tolerance));
+    const S coarse = coarser(tolerance);
+    if (any(left))
+      left = coupled_.solve(*this, motion, left, friction, tolerance, coarse, select(apart, coarse, enough));
     return left;
   }
 

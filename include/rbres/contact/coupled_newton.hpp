@@ -18,19 +18,24 @@ class CoupledNewton {
   CoupledNewton(const System& system, std::size_t most_rows) : island_(system, most_rows) {}
 
   /// Changes the impulses of `rows` (ContactRows) and the velocities in `motion`, to the best that it finds:
-  /// until no law is off by more than `tolerance` (m/s), or none gets better. True where none is off by more
-  /// than `coarse`.
+  /// until no law is off by more than `tolerance` (m/s), or none gets better. Starts once more from there
+  /// where one is off by more than `coarse`. True where none is off by more than `rough`.
   template <class Rows, class Motions>
-  bool solve(Rows& rows, Motions& motion, bool friction, const S& tolerance, const S& coarse) {
-    const auto found = [&](auto& points) {
-      const S best = approach(points, tolerance);
+  bool solve(Rows& rows, Motions& motion, bool friction, const S& tolerance, const S& coarse,
+             const S& rough) {
+    const auto approached = [&](auto& points) {
+      const S off = approach(points, tolerance);
       points.give(rows, motion);
-      return best <= coarse;
+      return off;
+    };
+    const auto solved = [&](auto& points) {
+      if (approached(points) <= coarse) return true;
+      return points.take_up(rows, motion, friction) && approached(points) <= rough;
     };
     if constexpr (single) {
-      if (body_.take_up(rows, motion, friction)) return found(body_);
+      if (body_.take_up(rows, motion, friction)) return solved(body_);
     }
-    return island_.take_up(rows, motion, friction) && found(island_);
+    return island_.take_up(rows, motion, friction) && solved(island_);
   }
 
  private:
@@ -161,16 +166,16 @@ class IslandCoupling {
   /// As CoupledNewton::solve, in the lanes `where`. Returns those in which laws are still off.
   template <class Rows, class Motions>
   MaskOf<S> solve(Rows& rows, Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance,
-                  const S& coarse) {
+                  const S& coarse, const S& rough) {
     if constexpr (!Packed<S>) {
-      return where && !newton_.solve(rows, motion, friction, tolerance, coarse);
+      return where && !newton_.solve(rows, motion, friction, tolerance, coarse, rough);
     } else {
       S open(0);
       for (int l = 0; l < Lanes::lanes; ++l) {
         if (!where[l]) continue;
         lane_.take(rows, motion, l);
-        if (!newton_.solve(lane_, lane_.motion(), friction, Lanes::lane(tolerance, l),
-                           Lanes::lane(coarse, l)))
+        if (!newton_.solve(lane_, lane_.motion(), friction, Lanes::lane(tolerance, l), Lanes::lane(coarse, l),
+                           Lanes::lane(rough, l)))
           Lanes::set_lane(open, l, Value(1));
         lane_.give(rows, motion, l);
       }
