@@ -106,7 +106,7 @@ class ContactRows {
   /// Changes the velocities in `motion` until every row obeys its laws, to the tolerance of the smallest
   /// bodies. Only in the lanes `where`. A large heap that is `moving` is swept less, from the forces of the
   /// step before.
-  void solve(Motions& motion, const MaskOf<S>& where, bool moving) {
+  void solve(Motions& motion, const MaskOf<S>& where, bool moving = false) {
     // Of small islands that Newton's method leaves off by less, the other methods solve next to none.
     constexpr double enough = std::is_same_v<typename Constants<S>::Real, float> ? 2e3 : 1e6;
     solve(motion, where, true, tolerance_, as<S>(enough) * tolerance_, moving);
@@ -115,7 +115,7 @@ class ContactRows {
   /// forces of the part before.
   void solve_within_step(Motions& motion, const MaskOf<S>& where) {
     constexpr int some = 24;
-    if (all(pairs_apart())) return solve(motion, where, false);
+    if (all(pairs_apart())) return solve(motion, where);
     sweep(motion, where, true, as<S>(1e4) * tolerance_, some);
   }
   /// Coarser still, where forces that are found next take up what is left.

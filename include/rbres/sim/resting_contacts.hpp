@@ -334,7 +334,7 @@ class RestingContacts {
     } else if (moving) {
       rows_.correct_moving(motion, where);
     } else {
-      rows_.solve(motion, where, false);
+      rows_.solve(motion, where);
     }
   }
 
