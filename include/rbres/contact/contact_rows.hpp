@@ -107,7 +107,7 @@ class ContactRows {
   /// bodies. Only in the lanes `where`. A large heap that is `moving` is swept less, from the forces of the
   /// step before.
   void solve(Motions& motion, const MaskOf<S>& where, bool moving = false) {
-    // Of small islands that Newton's method leaves off by less, the other methods solve next to none.
+    // Of single bodies that Newton's method leaves off by less, the other methods solve next to none.
     constexpr double enough = std::is_same_v<typename Constants<S>::Real, float> ? 2e3 : 1e6;
     solve(motion, where, true, tolerance_, as<S>(enough) * tolerance_, moving);
   }
@@ -136,8 +136,8 @@ class ContactRows {
 
  private:
   /// Newton's method solves most single pairs and most small islands; a few sweeps others, the method of
-  /// multipliers what it leaves off by more than `enough` (m/s). Large heaps, for which that costs too much,
-  /// are swept to a coarser tolerance, and on where that is soon reached.
+  /// multipliers what it leaves off, single bodies by more than `enough` (m/s). Large heaps, for which that
+  /// costs too much, are swept to a coarser tolerance, and on where that is soon reached.
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance, const S& enough,
              bool moving) {
     constexpr int few = 12, some = 40, many = 100;
@@ -176,8 +176,8 @@ class ContactRows {
 
   static S coarser(const S& tolerance) { return as<S>(2000.0) * tolerance; }
 
-  /// Newton's methods, for pairs and for islands. Returns the lanes in which laws are off, in islands by more
-  /// than `enough` (m/s).
+  /// Newton's methods, for pairs and for islands. Returns the lanes in which laws are off, of single bodies
+  /// with several pairs by more than `enough` (m/s).
   MaskOf<S> solve_directly(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance,
                            const S& enough) {
     const MaskOf<S> apart = pairs_apart(), single = where & apart;

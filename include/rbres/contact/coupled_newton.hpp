@@ -19,7 +19,8 @@ class CoupledNewton {
 
   /// Changes the impulses of `rows` (ContactRows) and the velocities in `motion`, to the best that it finds:
   /// until no law is off by more than `tolerance` (m/s), or none gets better. Starts once more from there
-  /// where one is off by more than `coarse`. True where none is off by more than `rough`.
+  /// where one is off by more than `coarse`. True where none is then, or of a single body by more than
+  /// `rough`.
   template <class Rows, class Motions>
   bool solve(Rows& rows, Motions& motion, bool friction, const S& tolerance, const S& coarse,
              const S& rough) {
@@ -28,14 +29,14 @@ class CoupledNewton {
       points.give(rows, motion);
       return off;
     };
-    const auto solved = [&](auto& points) {
+    const auto solved = [&](auto& points, const S& enough) {
       if (approached(points) <= coarse) return true;
-      return points.take_up(rows, motion, friction) && approached(points) <= rough;
+      return points.take_up(rows, motion, friction) && approached(points) <= enough;
     };
     if constexpr (single) {
-      if (body_.take_up(rows, motion, friction)) return solved(body_);
+      if (body_.take_up(rows, motion, friction)) return solved(body_, rough);
     }
-    return island_.take_up(rows, motion, friction) && solved(island_);
+    return island_.take_up(rows, motion, friction) && solved(island_, coarse);
   }
 
  private:
