@@ -40,6 +40,21 @@ target_compile_options(rbres_avx2 INTERFACE -march=x86-64-v3)
 add_library(rbres_generic INTERFACE)
 target_compile_options(rbres_generic INTERFACE -march=x86-64 -U__SSE2__)
 
+option(RBRES_QUICK_TESTS "optimise only those tests that run longer than that takes, with clang++ precompile the headers" OFF)
+# rbres_precompile(NAME FLAG...): all headers for targets with these flags. (Not with g++, which reads all that it has
+# precompiled for each file: that takes longer than to compile most.)
+function(rbres_precompile name)
+  file(CONFIGURE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/${name}.cpp CONTENT "")
+  add_library(${name} OBJECT ${CMAKE_CURRENT_BINARY_DIR}/${name}.cpp)
+  target_link_libraries(${name} PRIVATE rbres::rbres rbres_development)
+  target_compile_options(${name} PRIVATE ${ARGN})
+  target_precompile_headers(${name} PRIVATE <rbres/rbres.hpp>)
+  if(TARGET rbres::io)
+    target_link_libraries(${name} PRIVATE rbres::io)
+    target_precompile_headers(${name} PRIVATE <rbres/io.hpp>)
+  endif()
+endfunction()
+
 # rbres_program(NAME SOURCE... [LIBRARIES ...]): one executable of ours.
 function(rbres_program name)
   cmake_parse_arguments(arg "" "" "LIBRARIES" ${ARGN})

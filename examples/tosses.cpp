@@ -6,11 +6,10 @@
 #include <string>
 
 #include <rbres/learn/contact_law_simulator.hpp>
-#include <rbres/learn/identify.hpp>
-#include <rbres/learn/learn_contacts.hpp>
 
 #include "common/command_line.hpp"
 #include "common/scenes.hpp"
+#include "contacts/laws.hpp"
 #include "tosses/score.hpp"
 #include "tosses/toss.hpp"
 
@@ -26,8 +25,8 @@ struct Options {
 };
 
 constexpr SceneStep::Velocity mean = SceneStep::Velocity::mean;
-using Law = ContactLaw<48, 2>;
-using Hybrid = HybridLaw<48, 2>;
+using contacts_program::Hybrid;
+using contacts_program::Law;
 
 /// Positions count in 1.4 cm, angles in 0.1 rad. From single frames to whole tosses; the hybrid starts from
 /// the simulator, which is right in the main, with long rollouts. Poses and the cube's size are known to

@@ -280,3 +280,25 @@ TEST_CASE("friction is solved where Newton's method fails and sweeps solve the n
     });
   }
 }
+
+TEST_CASE_TEMPLATE("impulses are within their cones where no method solves the laws, too", S, double, float) {
+  Random random(1, 1);
+  const auto draw = [&] {
+    return Vec3<S>{S(random.uniform(-2, 1)), S(random.uniform(-2, 1)), S(random.uniform(-2, 1))};
+  };
+  const S rounding = std::is_same_v<S, float> ? S(1e-5) : S(1e-12);
+  for (const double friction : {1.0, 5.0, 20.0}) {
+    CAPTURE(friction);
+    Corner<S> corner(corner_of(friction));
+    for (int k = 0; k < 400; ++k) {
+      CAPTURE(k);
+      const std::array<Vec3<S>, 4> v{draw(), draw(), draw(), draw()};
+      corner.solve(v);
+      corner.rows.each(corner.motion, [&](auto& row, auto& point, auto&, auto&) {
+        const auto& [p, pu, pv] = point.impulse();
+        CHECK(p >= -rounding);
+        CHECK(std::hypot(pu, pv) <= row.friction * std::max(p, S(0)) + rounding);
+      });
+    }
+  }
+}

@@ -26,6 +26,7 @@ get_target_property(eigen_folders Eigen3::Eigen INTERFACE_INCLUDE_DIRECTORIES)
 function(rbres_compile_test name source error)
   add_test(NAME compile_${name} COMMAND ${CMAKE_CXX_COMPILER} -std=c++20 -fsyntax-only -I${PROJECT_SOURCE_DIR}/include
     -I${eigen_folders} ${CMAKE_CURRENT_SOURCE_DIR}/compile_fail/${source} ${ARGN})
+  set_tests_properties(compile_${name} PROPERTIES LABELS compile)
   if(error)
     set_tests_properties(compile_${name} PROPERTIES PASS_REGULAR_EXPRESSION "${error}")
   endif()

@@ -27,15 +27,15 @@ ThreeBodies three_bodies() {
           room(2.5, 5.0)};
 }
 
-struct Motion {
+struct Recording {
   std::vector<double> times;
   std::vector<State> states;
 };
 
 /// Bodies that turn about z by 0.8 rad a frame, whose quaternions stand on either side by turns; `size`
 /// scales how far they go.
-Motion turning(int frames, double size = 1) {
-  Motion motion;
+Recording turning(int frames, double size = 1) {
+  Recording motion;
   for (int k = 0; k < frames; ++k) {
     motion.times.push_back(0.1 * k);
     State state;
@@ -233,7 +233,7 @@ class GlbFile {
 TEST_CASE("a motion reads back") {
   const TemporaryFolder folder;
   for (const int frames : {1, 2, 9}) {
-    const Motion motion = turning(frames);
+    const Recording motion = turning(frames);
     GltfScene scene;
     scene.add_motion("truth", three_bodies(), motion.times, motion.states);
     scene.write(folder / "a.glb");
@@ -316,7 +316,7 @@ TEST_CASE("a convex hull is drawn by its faces, where they stand in the body") {
 
 TEST_CASE("the world's z is the viewer's up, and offsets move whole motions") {
   const TemporaryFolder folder;
-  const Motion motion = turning(2);
+  const Recording motion = turning(2);
   GltfScene scene;
   scene.add_motion("a", three_bodies(), motion.times, motion.states);
   scene.add_motion("b", three_bodies(), motion.times, motion.states,
@@ -377,7 +377,7 @@ Eigen::Vector3d seen(const GlbFile& file, const Eigen::Vector3d& point) {
 TEST_CASE("a camera sees all of the first motion and where others begin, from above") {
   const TemporaryFolder folder;
   for (const double size : {1.0, 1e-3, 1e5}) {
-    const Motion motion = turning(9, size);
+    const Recording motion = turning(9, size);
     const Vec3<double> offset{6 * size, 0, size};
     GltfScene scene;
     scene.add_motion("a", three_bodies(), motion.times, motion.states);
@@ -431,7 +431,7 @@ TEST_CASE("meshes have their bodies' sizes, in the body's own frame") {
 
 TEST_CASE("the planes of a room meet at its edges, a floor is a square") {
   const TemporaryFolder folder;
-  const Motion motion = turning(1);
+  const Recording motion = turning(1);
   const auto planes_mesh = [&](const std::vector<Plane<double>>& planes, double half_width) {
     GltfScene scene;
     scene.add_planes(planes, {}, half_width);
@@ -459,7 +459,7 @@ TEST_CASE("the planes of a room meet at its edges, a floor is a square") {
 TEST_CASE("a grid of whole squares lies below all bodies, where the camera sees it") {
   const TemporaryFolder folder;
   for (const double size : {1.0, 1e-3, 1e5}) {
-    const Motion motion = turning(9, size);
+    const Recording motion = turning(9, size);
     GltfScene scene;
     CHECK(contains(error_of([&] { scene.add_grid(); }), "glTF grid: expected a scene with a motion"));
     scene.add_motion("a", three_bodies(), motion.times, motion.states);
@@ -505,7 +505,7 @@ TEST_CASE("bad input is refused, adds nothing and writes nothing") {
   CHECK(contains(error_of([&] { scene.write(path); }), "found none"));
   CHECK(!std::filesystem::exists(path));
   const auto error = [&](const auto& change, const GltfStyle& style = {}) {
-    Motion motion = turning(3);
+    Recording motion = turning(3);
     change(motion);
     const std::string message =
         error_of([&] { scene.add_motion("truth", system, motion.times, motion.states, style); });
@@ -513,22 +513,25 @@ TEST_CASE("bad input is refused, adds nothing and writes nothing") {
     return message;
   };
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  CHECK(contains(error([](Motion& m) { m = {}; }), "expected at least one state, found none"));
-  CHECK(contains(error([](Motion& m) { m.times.pop_back(); }), "expected 2 states, one per time, found 3"));
-  CHECK(contains(error([](Motion& m) { m.times[0] = -1; }), "time 0: expected finite times that increase"));
-  CHECK(contains(error([](Motion& m) { m.times[2] = m.times[1]; }), "time 2"));
-  CHECK(contains(error([](Motion& m) { m.times[2] = m.times[1] + 1e-12; }), "time 2"));
-  CHECK(contains(error([&](Motion& m) { m.times[1] = nan; }), "found nan"));
-  CHECK(contains(error([](Motion& m) { m.times[2] = 1e300; }), "found 1e+300"));
-  CHECK(contains(error([&](Motion& m) { m.states[1][2].position.y = nan; }),
+  CHECK(contains(error([](Recording& m) { m = {}; }), "expected at least one state, found none"));
+  CHECK(
+      contains(error([](Recording& m) { m.times.pop_back(); }), "expected 2 states, one per time, found 3"));
+  CHECK(
+      contains(error([](Recording& m) { m.times[0] = -1; }), "time 0: expected finite times that increase"));
+  CHECK(contains(error([](Recording& m) { m.times[2] = m.times[1]; }), "time 2"));
+  CHECK(contains(error([](Recording& m) { m.times[2] = m.times[1] + 1e-12; }), "time 2"));
+  CHECK(contains(error([&](Recording& m) { m.times[1] = nan; }), "found nan"));
+  CHECK(contains(error([](Recording& m) { m.times[2] = 1e300; }), "found 1e+300"));
+  CHECK(contains(error([&](Recording& m) { m.states[1][2].position.y = nan; }),
                  "body 2, position at time 1: expected at most 1e+37 m, found nan"));
-  CHECK(contains(error([](Motion& m) { m.states[1][2].position.z = 1e300; }), "found 1e+300"));
-  CHECK(contains(error([](Motion& m) {
+  CHECK(contains(error([](Recording& m) { m.states[1][2].position.z = 1e300; }), "found 1e+300"));
+  CHECK(contains(error([](Recording& m) {
                    m.states[2][0].orientation = {0, 0, 0, 0};
                  }),
                  "body 0, orientation at time 2: expected a unit quaternion, found one of length 0"));
-  CHECK(contains(error([&](Motion& m) { m.states[2][1].orientation.w = nan; }), "found one of length nan"));
-  const auto same = [](const Motion&) {};
+  CHECK(
+      contains(error([&](Recording& m) { m.states[2][1].orientation.w = nan; }), "found one of length nan"));
+  const auto same = [](const Recording&) {};
   CHECK(contains(error(same, {.colour = {0, 0, 1.5, 1}}), "colour: expected numbers in [0, 1], found 1.5"));
   CHECK(contains(error(same, {.offset = {0, nan, 0}}), "offset: expected at most 1e+37 m, found nan"));
   CHECK(contains(error(same, {.bodies = 4}), "bodies shown: expected a number from 0 to 3, found 4"));
@@ -541,11 +544,11 @@ TEST_CASE("bad input is refused, adds nothing and writes nothing") {
                                      Plane<double>{{0, 0, 1}, 1e300, {}}})
     CHECK_THROWS_AS(scene.add_planes(std::vector{plane}), Error);
   CHECK(contains(error(same, {.offset = {1e308, 0, 0}}), "found 1e+308"));
-  const Motion named = turning(3);
+  const Recording named = turning(3);
   CHECK(contains(error_of([&] { scene.add_motion("\xff", system, named.times, named.states); }),
                  "expected UTF-8"));
 
-  const Motion motion = turning(3);
+  const Recording motion = turning(3);
   scene.add_motion("truth", system, motion.times, motion.states);
   scene.write(path);
   CHECK(GlbFile(path).document["meshes"].size() == 4);

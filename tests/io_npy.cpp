@@ -147,6 +147,7 @@ TEST_CASE("malformed files are refused with what is wrong") {
   const std::string valid = npy(1, "{'descr': '<f4', 'fortran_order': False, 'shape': (2,), }", eight_bytes);
 
   CHECK(contains(error("not NumPy at all"), "expected a NumPy .npy file"));
+  CHECK(error("abc") == path.string() + ": expected a NumPy .npy file, found a file of 3 bytes");
   std::string other = valid;
   other[6] = 4;
   CHECK(contains(error(other), "expected .npy format 1.0, 2.0 or 3.0, found 4.0"));

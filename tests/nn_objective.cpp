@@ -27,7 +27,7 @@ Matrix<T> normal(Index rows, Index columns, std::uint64_t seed) {
 /// it and of the item's constant push (1), for some steps. The value of an item is the squared distance from
 /// where a damped pendulum would be, summed over the steps.
 template <class Net>
-class Rollouts {
+class PendulumRollouts {
   using T = typename Net::Scalar;
   static constexpr int steps = 6, most = 8;
   static constexpr double h = 0.2;
@@ -40,7 +40,7 @@ class Rollouts {
     Matrix<T> inputs = Matrix<T>(3, most), outputs = Matrix<T>(2, most);
   };
 
-  explicit Rollouts(Index count, std::uint64_t seed) : starts_(normal<double>(3, count, seed)) {}
+  explicit PendulumRollouts(Index count, std::uint64_t seed) : starts_(normal<double>(3, count, seed)) {}
 
   Scratch scratch() const { return {}; }
   std::ptrdiff_t count() const { return starts_.cols(); }
@@ -115,7 +115,7 @@ std::vector<std::uint32_t> first_items(std::uint32_t count) {
 
 TEST_CASE("the gradient of a rollout through time agrees with central differences") {
   using Net = Recurrent<double>;
-  const Rollouts<Net> rollouts(8, 1);
+  const PendulumRollouts<Net> rollouts(8, 1);
   Net net(2);
   auto scratch = rollouts.scratch();
   const auto items = first_items(8);
@@ -181,7 +181,7 @@ TEST_CASE("columns as an objective have the fused path's gradient") {
   const Matrix<double> x = normal<double>(5, 60, 1), y = normal<double>(3, 60, 2);
   const ColumnsObjective<Net> objective({columns(x), columns(y)});
   static_assert(Objective<ColumnsObjective<Net>, Net> &&
-                Objective<Rollouts<Recurrent<float>>, Recurrent<float>>);
+                Objective<PendulumRollouts<Recurrent<float>>, Recurrent<float>>);
   static_assert(!Objective<Samples<double>, Net>);
   const Net net(3);
   auto scratch = objective.scratch();
@@ -208,7 +208,7 @@ TEST_CASE_TEMPLATE("rollouts train, to the same bits with any number of threads,
   const auto trainer = [&](int threads) {
     auto own = options;
     own.threads = threads;
-    return Trainer(Net(1), Rollouts<Net>(120, 1), Rollouts<Net>(30, 2), own,
+    return Trainer(Net(1), PendulumRollouts<Net>(120, 1), PendulumRollouts<Net>(30, 2), own,
                    Averaged<Clipped<Adam>>{{{}, 5.0}, 0.9});
   };
   auto one = trainer(1);
@@ -231,13 +231,13 @@ TEST_CASE_TEMPLATE("rollouts train, to the same bits with any number of threads,
 
 TEST_CASE("what an objective throws reaches the caller, with any number of threads") {
   using Net = Recurrent<float>;
-  struct Throwing : Rollouts<Net> {
-    using Rollouts<Net>::Rollouts;
+  struct Throwing : PendulumRollouts<Net> {
+    using PendulumRollouts<Net>::PendulumRollouts;
     double differentiate(const Net& network, Items items, const DropoutMask& mask, Scratch& own,
                          ParameterGradient<Net>& gradient) const {
       for (const std::uint32_t item : items)
         if (item == 77) throw std::runtime_error("item 77");
-      return Rollouts<Net>::differentiate(network, items, mask, own, gradient);
+      return PendulumRollouts<Net>::differentiate(network, items, mask, own, gradient);
     }
   };
   // Wide enough that a step of columns is worth two threads.

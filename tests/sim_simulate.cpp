@@ -421,6 +421,39 @@ TEST_CASE("a ball with three different moments gains no energy by rolling") {
   CHECK(rise < 1e-13 * start);
 }
 
+TEST_CASE_TEMPLATE("smooth bodies that slide over one another do not drag each other", S, double,
+                   Pack<double, 4>) {
+  const Material<double> smooth{0, 0};
+  for (const double size : {0.1, 0.07}) {
+    for (const double force : {1e-8, 1e-6, 1e-4, 1.0}) {
+      for (const double step : {1e-3, 1e-2}) {
+        CAPTURE(size);
+        CAPTURE(force);
+        CAPTURE(step);
+        const System<double, 3, Box<double>> stack{
+            {Body{Box{0.1, 0.1, 0.1}, 1.0, smooth}, Body{Box{0.1, 0.1, 0.1}, 1.0, smooth},
+             Body{Box{size, size, 0.1}, 1.0, smooth}},
+            {floor_plane(smooth)}};
+        SystemState<S, 3> y;
+        for (int i = 0; i < 3; ++i) y[i].position = {S(0), S(0), S(0.1 + 0.2 * i)};
+        const auto push = [&](const auto&, const auto&, int i, const S&) {
+          return Wrench<S>{{S(0), S(i == 2 ? force : 0), S(0)}, {}};
+        };
+        constexpr double seconds = 0.2;
+        const auto system = stack.template cast<S>();
+        const Forces forces{Gravity{}, push};
+        Stepper stepper(system, forces, Rk4{}, SimulationOptions{});
+        for (int k = 0; k < std::lround(seconds / step); ++k) stepper.step(y, S(step * k), S(step));
+        const double given = force * seconds;
+        for (int i = 0; i < 3; ++i) {
+          const MaskOf<S> near = square(y[i].velocity.y - S(i == 2 ? given : 0)) < S(square(0.02 * given));
+          CHECK(all(near));
+        }
+      }
+    }
+  }
+}
+
 TEST_CASE("what friction stops in a groove has not climbed higher than its motion takes it") {
   const Material<double> m{0.5, 0.3};
   const double c = std::sqrt(0.5);

@@ -6,16 +6,13 @@
 #include <chrono>
 #include <cstdio>
 #include <rbres/learn/contact_law_simulator.hpp>
-#include <rbres/learn/learn_contacts.hpp>
 #include <vector>
 
 #include "../common/progress.hpp"
+#include "laws.hpp"
 #include "score.hpp"
 
 namespace rbres::contacts_program {
-
-using Law = ContactLaw<>;
-using Hybrid = HybridLaw<>;
 
 /// When something must be done.
 class Deadline {
@@ -76,10 +73,9 @@ double seconds_per_frame(const TrajectorySet& fit, const ContactLearning& option
   const int stride = static_cast<int>(std::max(1L, count_rollouts(fit, 1, 1) / 2000));
   brief.stages = {{1, stride, 1000, 256}};
   const TrajectorySet one = fit.subset(0, 1);
-  ContactTraining<L> training(fit, one, brief);
   const Deadline end(moment / 60);
   double epochs = 0;
-  training.train([&](const ContactLearningReport& report) {
+  learn_contacts<L>(fit, one, brief, [&](const ContactLearningReport& report) {
     epochs = static_cast<double>(report.epoch.epoch);
     return end.seconds_left() > 0;
   });
@@ -97,9 +93,9 @@ L learn_law(const TrajectorySet& fit, const TrajectorySet& choose, ContactLearni
   options.stages = stages_of(fit, choose, 0.9 * end.seconds_left() / each);
   const double start = end.seconds_left();
   double before = start;
-  ContactTraining<L> training(fit, choose, options);
   ProgressLine line(stderr);
-  const bool all = training.train([&](const ContactLearningReport& report) {
+  bool all = true;
+  const L law = learn_contacts<L>(fit, choose, options, [&](const ContactLearningReport& report) {
     const double left = end.seconds_left(), epoch = before - left;
     before = left;
     const double to_go = std::min(left, (start - left) * (1 / report.share_done - 1));
@@ -111,11 +107,11 @@ L learn_law(const TrajectorySet& fit, const TrajectorySet& choose, ContactLearni
         report.epoch.epochs, report.epoch.train_loss, report.epoch.validation_loss,
         clock_text(std::max(0.0, to_go)).c_str());
     line.print(report.share_done, text);
-    return left > epoch;
+    return all = left > epoch;
   });
   line.end();
   if (!all) std::fprintf(stderr, "  the time was up before all epochs were done\n");
-  return training.law();
+  return law;
 }
 
 }  // namespace rbres::contacts_program

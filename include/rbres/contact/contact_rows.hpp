@@ -40,6 +40,9 @@ class ContactRows {
     rows_.reserve(rows_of(system));
   }
 
+  /// Begins a step.
+  void start_step() { failures_ = S(0); }
+
   std::size_t capacity() const { return rows_.capacity(); }
   std::size_t size() const { return rows_.size(); }
   /// Whether there is no room for another pair: memory is never asked for.
@@ -143,7 +146,9 @@ class ContactRows {
     constexpr int few = 12, some = 40, many = 100;
     const MaskOf<S> left = solve_directly(motion, where, friction, tolerance, enough);
     if (!any(left)) return;
-    if (newton_.take_up(*this, motion)) {
+    // Where no forces obey all laws, as in a jam, it fails again and again, at the price of many sweeps.
+    const MaskOf<S> hopeful = failures_ < as<S>(most_failures);
+    if (any(left & hopeful) && newton_.take_up(*this, motion)) {
       const MaskOf<S> apart = pairs_apart();
       MaskOf<S> single = left & apart, joint = left & !apart;
       if (any(single)) single = sweep_rows(motion, single, friction, tolerance, few);
@@ -153,7 +158,11 @@ class ContactRows {
         joint = friction ? sweep(motion, joint, true, tolerance, few) : off;
       }
       const MaskOf<S> open = single | joint;
-      if (any(open)) newton_.solve(*this, motion, open, friction, tolerance);
+      if (!any(open)) return;
+      const MaskOf<S> off = newton_.solve(*this, motion, open & hopeful, friction, tolerance);
+      failures_ += select(off, S(1), S(0));
+      // Cones need not hold there.
+      if (any(off)) sweep_rows(motion, off, friction, tolerance, few);
       return;
     }
     const S coarse = coarser(tolerance);
@@ -162,6 +171,8 @@ class ContactRows {
     if (friction) open = sweep(motion, where, true, coarse, moving ? some : many);
     if (!any(open)) sweep(motion, where, friction, tolerance, few);
   }
+
+  static constexpr double most_failures = 40;
 
   static bool same_pair(const Row& a, const Row& b) {
     return a.who.first == b.who.first && a.who.second == b.who.second &&
@@ -249,6 +260,7 @@ class ContactRows {
   Reserved<Row, row_room<System>> rows_;
   PerBody<MaskOf<S>, System::bodies> used_;  ///< by a pair
   S tolerance_{0};
+  S failures_{0};  ///< of the method of multipliers in this step
 };
 
 }  // namespace rbres::RBRES_ABI::detail

@@ -32,6 +32,7 @@ class Impacts {
   /// A new step of `bodies`: none has been hit yet.
   void start_step(const BodyIndices<System>& bodies) {
     for (const int i : bodies) answered_[std::size_t(i)] = S(0);
+    rows_.start_step();
     unresolved_ = MaskOf<S>(false);
   }
   /// For how many impulses note() may have been called, whether or not anybody listens, since

@@ -38,9 +38,10 @@ class IslandNewton {
   }
 
   /// Changes the impulses of `rows` (ContactRows), which have been taken up, and the velocities in `motion`
-  /// in the lanes `where`, until no law is off by more than `tolerance` (m/s), or none gets better.
+  /// in the lanes `where`, until no law is off by more than `tolerance` (m/s), or none gets better. Returns
+  /// where some still are: there impulses may lie outside their cones.
   template <class Rows, class Motions>
-  void solve(Rows& rows, Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
+  MaskOf<S> solve(Rows& rows, Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance) {
     constexpr int rounds = 60, patience = 8, newton_steps = 30;
     MaskOf<S> working = where;
     double stiffness = 10;
@@ -99,6 +100,7 @@ class IslandNewton {
       point.restore(r.start);
       point.add(change, first, second);
     });
+    return where & (best_ > tolerance);
   }
 
  private:

@@ -96,6 +96,21 @@ template <class System, class Model, class Integrator, class Push = NoPush>
   }
 }
 
+namespace detail {
+/// Where `bodies` are h seconds from t after y without impacts.
+template <class System, class Model, class Integrator, class S, class Push = NoPush>
+void fly_bodies(const System& system, const BodyIndices<System>& bodies, const Model& forces,
+                const Integrator& integrator, const typename System::State& y, const S& t, const S& h,
+                typename System::State& end, const Push& push = {}) {
+  for (const int i : bodies) end[i] = y[i];
+  if constexpr (is_local<Model, S, typename System::Shape>) {
+    fly_each_on(system, bodies, forces, integrator, end, t, h, push);
+  } else {
+    fly_on(system, forces, integrator, end, t, h, push);
+  }
+}
+}  // namespace detail
+
 /// The state after h seconds of motion without impacts.
 template <class System, class Model, class Integrator, class Push = NoPush>
 typename System::State fly(const System& system, const Model& forces, const Integrator& integrator,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <rbres/core/lie.hpp>
 #include <rbres/eval/timing.hpp>
 #include <rbres/predict/free_flow.hpp>
@@ -81,7 +82,8 @@ struct Simulated {
              [&](double time, const State& now) {
                if (time != 0) states[done++] = now;
              });
-    std::ranges::fill(states.subspan(done), y);
+    const auto rest = states.subspan(done);
+    std::fill(rest.begin(), rest.end(), y);
   }
 };
 /// With RK4.

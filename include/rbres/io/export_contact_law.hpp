@@ -26,7 +26,7 @@ void export_law(const Law& law, const std::filesystem::path& path, std::string_v
       array_text<T>("input_deviation", path.string(), {law.input.deviation.data(), features}),
       "// Frame time (s), speed (m/s), margin (m), strength of a correction.\n",
       array_text<double>("scales", path.string(), numbers), "\ninline Law law() {\n  Law law;\n",
-      "  std::ranges::copy(weights, law.network.parameters().begin());\n"
+      "  std::copy(std::begin(weights), std::end(weights), law.network.parameters().begin());\n"
       "  for (int i = 0; i < Law::Network::inputs; ++i) {\n    law.input.mean[i] = input_mean[i];\n"
       "    law.input.deviation[i] = input_deviation[i];\n  }\n"
       "  law.scales = {.frame_time = scales[0], .speed = scales[1], .margin = scales[2], .moment = "

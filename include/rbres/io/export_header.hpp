@@ -49,7 +49,7 @@ inline bool is_namespace_name(std::string_view name) {
   // Names without a small letter are macros, such as NULL.
   if (name.find_first_of("abcdefghijklmnopqrstuvwxyz") == name.npos) return false;
   const bool is_std = name.starts_with("std") && name.find_first_not_of("0123456789", 3) == name.npos;
-  return !is_std && std::ranges::find(taken, name) == std::end(taken);
+  return !is_std && std::find(std::begin(taken), std::end(taken), name) == std::end(taken);
 }
 
 /// Refuses what cannot name the namespace of an exported header.

@@ -66,6 +66,11 @@ class InputFile {
   const std::filesystem::path& path() const noexcept { return path_; }
   std::uint64_t size() const noexcept { return size_; }
 
+  /// Reads the first `size` bytes of what must be `expected`, which has as many.
+  void read_first(void* to, std::size_t size, std::string_view expected) const {
+    if (size > size_) refuse(path_.string(), expected, text("a file of ", size_, " bytes"));
+    read(0, to, size);
+  }
   /// Reads exactly `size` bytes at `offset`; Error when the file has fewer.
   void read(std::uint64_t offset, void* to, std::size_t size) const {
     if (offset > size_ || size > size_ - offset)

@@ -163,7 +163,7 @@ class NpyHeaderParser {
 inline NpyHeader read_npy_header(const InputFile& file) {
   const std::string path = file.path().string();
   char prefix[12] = {};
-  file.read(0, prefix, 10);
+  file.read_first(prefix, 10, "a NumPy .npy file");
   if (std::string_view(prefix, npy_magic.size()) != npy_magic)
     refuse(path, "a NumPy .npy file", "another magic number");
   const int major = prefix[6], minor = prefix[7];

@@ -199,7 +199,7 @@ class SafetensorsReader {
   /// Opens a file and reads its header.
   explicit SafetensorsReader(std::filesystem::path path) : file_(std::move(path)) {
     std::uint64_t size = 0;
-    file_.read(0, &size, sizeof size);
+    file_.read_first(&size, sizeof size, "a safetensors file");
     constexpr std::uint64_t largest = 100'000'000;  // the reference implementation's limit
     data_ = sizeof size + std::min(size, largest);
     if (size > largest || data_ > file_.size())

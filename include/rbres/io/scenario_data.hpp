@@ -47,7 +47,8 @@ inline void append_scenarios(DatasetArrays& arrays, const ScenarioData& data) {
     arrays.append(name, Eigen::Map<const typename DatasetArray<T>::Columns>(numbers.data(), 1, data.count()));
   };
   std::vector<std::uint8_t> family(data.family.size());
-  std::ranges::transform(data.family, family.begin(), [](Family f) { return static_cast<std::uint8_t>(f); });
+  std::transform(data.family.begin(), data.family.end(), family.begin(),
+                 [](Family f) { return static_cast<std::uint8_t>(f); });
   arrays.append("initial.npy", data.initial);
   arrays.append("wrench.npy", data.wrench);
   row("body_count.npy", data.body_count);
@@ -132,7 +133,7 @@ ScenarioData read_dataset(const std::filesystem::path& path, const ScenarioSampl
   data.impacts.resize(std::ssize(horizons), count);
   for (Eigen::Index h = 0; h < std::ssize(horizons); ++h) {
     const double horizon = horizons[static_cast<std::size_t>(h)];
-    const auto at = std::ranges::find(held, detail::Json(horizon)) - held.begin();
+    const auto at = std::find(held.begin(), held.end(), detail::Json(horizon)) - held.begin();
     if (at == std::ssize(held))
       detail::refuse(folder.text() + ": horizons", detail::text("one of ", held), horizon);
     data.impacts.row(h) = impacts.row(at);

@@ -27,7 +27,8 @@ class ConstantNetwork<Network<T, Layers, W>, numbers>
   /// The same network with parameters of its own, which may be trained.
   explicit operator Network<T, Layers, W>() const {
     Network<T, Layers, W> network;
-    std::ranges::copy(parameters(), network.parameters().begin());
+    const auto own = parameters();
+    std::copy(own.begin(), own.end(), network.parameters().begin());
     return network;
   }
 

@@ -6,6 +6,7 @@
 #include <rbres/nn/training.hpp>
 #include <rbres/nn/update.hpp>
 
+#include <algorithm>
 #include <chrono>
 #include <concepts>
 #include <cstdint>
@@ -282,7 +283,8 @@ class Trainer {
     if (loss < progress.best_loss) {
       progress.best_loss = loss;
       progress.best_epoch = progress.epoch;
-      std::ranges::copy(current().parameters(), state_.best.parameters().data());
+      const auto parameters = current().parameters();
+      std::copy(parameters.begin(), parameters.end(), state_.best.parameters().begin());
     }
     progress.status = standing();
   }

@@ -39,7 +39,8 @@ struct AnalyticContacts {
     void step(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
               Observer& observer, ContactTally<S>& tally) {
       if (options_.contacts == ContactMode::continuous) {
-        continuous_.step(forces, integrator, y, t, h, observer, tally);
+        auto listener = detail::listener<State, S>(observer);
+        continuous_.step(forces, integrator, y, t, h, listener, tally);
       } else {
         before_ = y;
         fly_on(*system_, forces, integrator, y, t, h);

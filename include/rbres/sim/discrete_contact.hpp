@@ -11,6 +11,33 @@
 
 namespace rbres::RBRES_ABI::detail {
 
+/// The bodies and planes of a system, and their states, whatever their number: what is done to a pair is
+/// compiled once for all of them.
+template <class S, class Shape_>
+class BodiesOfAnyNumber {
+ public:
+  using Scalar = S;
+  using Shape = Shape_;
+  class State {
+   public:
+    template <int N>
+    explicit State(SystemState<S, N>& y) : body_(y.body.data()) {}
+    RigidState<S>& operator[](int i) const { return body_[i]; }
+
+   private:
+    RigidState<S>* body_;
+  };
+
+  template <class System>
+  explicit BodiesOfAnyNumber(const System& system) : body_(&system[0]), planes_(system.planes()) {}
+  const Body<S, Shape>& operator[](int i) const { return body_[i]; }
+  std::span<const Plane<S>> planes() const { return planes_; }
+
+ private:
+  const Body<S, Shape>* body_;
+  std::span<const Plane<S>> planes_;
+};
+
 /// Calls f(manifold, is_plane) with how a pair meets: two parts, or a plane and all parts of a body at once.
 template <class System, class F>
 void with_discrete_manifold(const System& system, const typename System::State& y, int first, int second,
@@ -102,12 +129,16 @@ void resolve_overlap(const System& system, std::span<const Gain<typename System:
     }
   });
 }
-/// The same in one piece, which is faster: not for dual numbers, with which g++ 12 fails on it.
+/// The same in one piece, which is faster and takes long to compile: for programs without assertions, and not
+/// for dual numbers, with which g++ 12 fails on it.
 template <class System>
-[[gnu::noinline, gnu::flatten]] void resolve_overlap_flat(
-    const System& system, std::span<const Gain<typename System::Scalar>> gained, typename System::State& y,
-    int first, int second, const PartPairOf<System>& parts, const typename System::Scalar& rest,
-    const MaskOf<typename System::Scalar>& where, ContactTally<typename System::Scalar>& tally) {
+#ifdef NDEBUG
+[[gnu::noinline, gnu::flatten]]
+#endif
+void resolve_overlap_flat(const System& system, std::span<const Gain<typename System::Scalar>> gained,
+                          typename System::State& y, int first, int second, const PartPairOf<System>& parts,
+                          const typename System::Scalar& rest, const MaskOf<typename System::Scalar>& where,
+                          ContactTally<typename System::Scalar>& tally) {
   resolve_overlap(system, gained, y, first, second, parts, rest, where, tally);
 }
 
@@ -140,12 +171,16 @@ class DiscreteContact {
       const S lost = dot(gained, mean - as<S>(0.5) * (y[i].velocity + before[i].velocity));
       gained_.push_back({gained, rate * gained, maximum(S((*system_)[i].mass() * lost), S(0))});
     }
+    using Any = BodiesOfAnyNumber<S, typename System::Shape>;
+    const Any system(*system_);
+    typename Any::State states(y);
     const auto resolve_pair = [&](const Pair& pair, const MaskOf<S>& where) {
       if constexpr (std::is_floating_point_v<typename ScalarTraits<S>::Value>) {
-        resolve_overlap_flat(*system_, gained_, y, pair.first, pair.second, pair.parts, rest_speed, where,
+        resolve_overlap_flat(system, gained_, states, pair.first, pair.second, pair.parts, rest_speed, where,
                              tally);
       } else {
-        resolve_overlap(*system_, gained_, y, pair.first, pair.second, pair.parts, rest_speed, where, tally);
+        resolve_overlap(system, gained_, states, pair.first, pair.second, pair.parts, rest_speed, where,
+                        tally);
       }
     };
     if (!any(shared_)) {

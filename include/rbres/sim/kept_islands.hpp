@@ -7,7 +7,7 @@
 namespace rbres::RBRES_ABI::detail {
 
 /// The islands of resting contacts that an impact elsewhere does not disturb: they keep their forces when it
-/// ends a part of a step, and go on as they would have without it. Only in dynamic systems of more than 32
+/// ends a part of a step, and go on as they would have without it. Only in dynamic systems of more than 12
 /// bodies: in others every part ends for all.
 template <class System>
 class KeptIslands {

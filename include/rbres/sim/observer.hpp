@@ -1,6 +1,7 @@
 #pragma once
 
 #include <concepts>
+#include <memory>
 #include <rbres/contact/impact_event.hpp>
 #include <type_traits>
 #include <utility>
@@ -48,6 +49,40 @@ constexpr void check_observer(const Observer& observer) {
     static_assert(std::is_void_v<Answer> || std::same_as<Answer, bool>,
                   "an observer returns nothing, or bool: false stops the run");
   }
+}
+
+/// An observer as steps see it: one type for all that hear the same, so that steps are compiled once for
+/// them.
+template <class State, class S, bool Impacts, bool Impulses>
+class Listener {
+ public:
+  template <class Observer>
+  explicit Listener(Observer& observer) {
+    if constexpr (Impacts || Impulses)
+      observer_ = const_cast<void*>(static_cast<const void*>(std::addressof(observer)));
+    if constexpr (Impacts) {
+      tell_impacts_ = [](void* to, const S& time, const State& before, const State& after) {
+        static_cast<Observer*>(to)->impact(time, before, after);
+      };
+    }
+    if constexpr (Impulses)
+      tell_impulse_ = [](void* to, const Impact<S>& impact) { static_cast<Observer*>(to)->impact(impact); };
+  }
+  void impact(const S& time, const State& before, const State& after) const requires(Impacts) {
+    tell_impacts_(observer_, time, before, after);
+  }
+  void impact(const Impact<S>& impact) const requires(Impulses) { tell_impulse_(observer_, impact); }
+
+ private:
+  void* observer_ = nullptr;
+  void (*tell_impacts_)(void*, const S&, const State&, const State&) = nullptr;
+  void (*tell_impulse_)(void*, const Impact<S>&) = nullptr;
+};
+template <class State, class S, class Observer>
+auto listener(Observer& observer) {
+  constexpr bool impacts = !Packed<S> && HearsImpacts<Observer, State, S>;
+  constexpr bool impulses = !Packed<S> && HearsImpulses<Observer, S>;
+  return Listener<State, S, impacts, impulses>(observer);
 }
 
 /// Shows the observer a state. False where it stops the run.

@@ -3,6 +3,7 @@
 #include <rbres/contact/contact_memory.hpp>
 #include <rbres/contact/islands.hpp>
 #include <rbres/contact/pair_search.hpp>
+#include <rbres/sim/island_energy.hpp>
 #include <rbres/sim/kept_islands.hpp>
 #include <rbres/sim/resting_points.hpp>
 #include <rbres/sim/resting_turn.hpp>
@@ -65,6 +66,7 @@ class RestingContacts {
   /// A new step of `bodies`.
   void start_step(const Bodies& bodies) {
     kept_.clear(bodies);
+    rows_.start_step();
     within_step_ = false;
   }
   /// Those that keep their forces.

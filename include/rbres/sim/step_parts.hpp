@@ -15,19 +15,6 @@
 
 namespace rbres::RBRES_ABI::detail {
 
-/// Where `bodies` are h seconds from t after y without impacts.
-template <class System, class Model, class Integrator, class S, class Push = NoPush>
-void fly_bodies(const System& system, const BodyIndices<System>& bodies, const Model& forces,
-                const Integrator& integrator, const typename System::State& y, const S& t, const S& h,
-                typename System::State& end, const Push& push = {}) {
-  for (const int i : bodies) end[i] = y[i];
-  if constexpr (is_local<Model, S, typename System::Shape>) {
-    fly_each_on(system, bodies, forces, integrator, end, t, h, push);
-  } else {
-    fly_on(system, forces, integrator, end, t, h, push);
-  }
-}
-
 /// Takes bodies through a step part by part, each up to the next impact: finds the pairs that may touch,
 /// resolves the impacts of the instant, finds the forces of resting contacts, and advances.
 template <class System>
