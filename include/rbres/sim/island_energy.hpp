@@ -197,9 +197,9 @@ class IslandEnergy {
 
   /// Takes the share of part(body), the motion of a body, out of y that has `excess` (J), or all. Returns its
   /// energy (J).
-  template <class Motion>
+  template <class MotionOf>
   S shrink(const System& system, State& y, const S& excess, const Members& moves, const MaskOf<S>& where,
-           const Motion& part) const {
+           const MotionOf& part) const {
     S energy(0);
     for (const int i : bodies_) energy += select(moves[index(i)], kinetic_energy(system[i], part(i)), S(0));
     const MaskOf<S> some = where & (energy > S(0));
@@ -256,7 +256,8 @@ class IslandEnergy {
       return body;
     });
     const S mobile = squared_norm(mobile_.x) + squared_norm(mobile_.y) + squared_norm(mobile_.z);
-    const MaskOf<S> fixed = mobile<as<S>(1e-6), no_turn = planes_> S(1);
+    const MaskOf<S> fixed = mobile < as<S>(1e-6);
+    const MaskOf<S> no_turn = planes_ > S(1);
     return select(taken & fixed & no_turn, maximum(S(excess - remainder), S(0)), S(0));
   }
 
