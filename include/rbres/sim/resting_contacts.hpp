@@ -5,6 +5,7 @@
 #include <rbres/contact/pair_search.hpp>
 #include <rbres/sim/island_energy.hpp>
 #include <rbres/sim/kept_islands.hpp>
+#include <rbres/sim/part_end.hpp>
 #include <rbres/sim/resting_points.hpp>
 #include <rbres/sim/resting_turn.hpp>
 #include <rbres/sim/resting_work.hpp>
@@ -46,9 +47,8 @@ class RestingContacts {
         end_(per_body<Motion<S>>(system)),
         unheld_(end_),
         flown_(state_of(system)),
-        last_(flown_) {
-    at_end_.reserve(most_part_pairs(system));
-  }
+        last_(flown_),
+        at_end_(system) {}
 
   /// A state that did not come out of the last step owes nothing to it.
   void continue_from(const State& y) {
@@ -146,7 +146,7 @@ class RestingContacts {
     // Forces over the shortest parts are rounding, and not worth keeping.
     const S kept_rate = select(left * pull.largest() > as<S>(1e-4), rate, S(0));
     memory_.start();
-    at_end_.resize(pairs.size());
+    auto& halfway = at_end_.room(pairs);
     turns_.start(bodies_, motion, left, pairs.size());
     for (std::size_t island = 0; island < islands_.count(); ++island) {
       if (keeps(pairs, island)) {
@@ -154,7 +154,7 @@ class RestingContacts {
         continue;
       }
       const bool moving = is_moving(pairs, island);
-      turns_.find_halfway(*system_, pairs, islands_[island], y, at_end_);
+      turns_.find_halfway(*system_, pairs, islands_[island], y, halfway);
       take_up(pairs, island, [&](std::size_t k, const Pair& pair, std::size_t i) {
         const S target = closing_speed(pair, pair.manifold, i, pull) - pair.speed[i];
         const auto add = [&](const typename Pair::Contact& there) -> auto& {
@@ -164,8 +164,8 @@ class RestingContacts {
           add(pair.manifold);
           return;
         }
-        const Vec3<S> way = at_end_[k].point[i] - pair.manifold.point[i];
-        add(at_end_[k]).set_drift(cross(motion[index(pair.who.second)].angular_velocity, way));
+        const Vec3<S> way = halfway[k].point[i] - pair.manifold.point[i];
+        add(halfway[k]).set_drift(cross(motion[index(pair.who.second)].angular_velocity, way));
       });
       rows_.each(end_, [&](auto& row, auto& point, auto& first, auto& second) {
         std::array<S, 3> impulse = memory_.force(row);
@@ -212,45 +212,16 @@ class RestingContacts {
     torqued_[index(i)] = torqued_[index(i)] | turns;
   }
 
-  /// How much deeper than at the start of a part the deepest point is in `flown`, where the contacts' forces
-  /// have taken the bodies; 1: as deep as it may get. Of resting pairs, or of all. In
-  /// a crowd a new point may end the part, which is cheap; else parts are so short there that runs do not
-  /// depend on rounding. `sinking`: see impact_time().
+  /// See PartEnd::sunk(), of bodies that the contacts' forces have taken to `flown`.
   S sunk(const Pairs& pairs, const State& flown, const MaskOf<S>& all, const S& sinking) {
-    at_end_.resize(pairs.size());
-    S worst(0);
-    for (std::size_t k = 0; k < pairs.size(); ++k) {
-      const Pair& pair = pairs[k];
-      if (!any(all | pair.any_resting)) continue;
-      typename Pair::Contact& contact = at_end_[k];
-      pair.find(*system_, flown, contact);
-      S most = pair.most_sinking();
-      // A part may end where a new point of a resting pair shows: as deep as impact_time() lets it get.
-      if (in_crowd_ && any(all) && !pair.fixed_points())
-        most = select(pair.any_resting, S(as<S>(1.05) * pair.near), most);
-      const auto share = [&](const S& before, const S& after) {
-        const S depth = -minimum(before, S(0));
-        const S sinks = is_moving(pair) ? S(as<S>(1.05) * (sinking * pair.size - depth)) : S(0);
-        return S((-after - depth) / maximum(most, sinks));
-      };
-      if (!pair.fixed_points()) {
-        const S deeper = share(pair.manifold.separation, contact.separation);
-        worst = maximum(worst, select(all | pair.any_resting, deeper, S(0)));
-        continue;
-      }
-      for (std::size_t i = 0; i < P; ++i) {
-        const S deeper = share(pair.manifold.gap[i], contact.gap[i]);
-        worst = maximum(worst, select(pair.resting[i] | all, deeper, S(0)));
-      }
-    }
-    return worst;
+    return at_end_.sunk(pairs, flown, all, sinking, [&](const Pair& pair) { return is_moving(pair); });
   }
 
   /// Chooses the islands that keep their forces after a part of so many seconds, for whose end sunk() was
   /// asked: where it `may` be, those that no impact there reaches.
   void keep_undisturbed(const Pairs& pairs, bool may, const S& seconds) {
     within_step_ = may;
-    may ? kept_.choose(bodies_, pairs, at_end_, seconds) : kept_.clear(bodies_);
+    may ? kept_.choose(bodies_, pairs, at_end_.contacts(), seconds) : kept_.clear(bodies_);
   }
 
   /// Changes the velocities of `end`, for which sunk() was asked, in islands that do not keep their forces,
@@ -265,7 +236,7 @@ class RestingContacts {
       rows_.clear();
       for (const std::size_t k : islands_[island]) {
         const Pair& pair = pairs[k];
-        const typename Pair::Contact& at_end = at_end_[k];
+        const typename Pair::Contact& at_end = at_end_.contacts()[k];
         if (rows_.full()) continue;
         for (std::size_t i = 0; i < P; ++i) {
           const MaskOf<S> near = at_end.gap[i] <= pair.near;  // points may have changed places
@@ -283,22 +254,15 @@ class RestingContacts {
     for (std::size_t island = 0; island < islands_.count(); ++island) {
       if (keeps(pairs, island)) continue;
       const S seconds = kept_.age(pairs[islands_[island].front()].moved.second, part);
-      energy_.bound(*system_, pairs, islands_[island], at_end_, rests_,
+      energy_.bound(*system_, pairs, islands_[island], at_end_.contacts(), rests_,
                     {kept_.start(y), flown_, forces_, torqued_, seconds}, end);
     }
     kept_.end_part(bodies_, pairs, part);
   }
 
-  /// Notes how pairs meet at the end of a part, y, where sunk() was asked of it.
+  /// See PartEnd::note_manifolds().
   void note_manifolds(Pairs& pairs, const State& y, bool all) const {
-    const auto stayed = [&](int i) {
-      return i < 0 || (y[i].position == flown_[i].position && y[i].orientation == flown_[i].orientation);
-    };
-    for (std::size_t k = 0; k < pairs.size(); ++k) {
-      Pair& pair = pairs[k];
-      pair.known = (all || pair.any_resting) && stayed(pair.who.first) && stayed(pair.who.second);
-      if (pair.known) pair.manifold = at_end_[k];
-    }
+    at_end_.note_manifolds(pairs, flown_, y, all);
   }
 
   /// Where a body has a resting contact and new forces.
@@ -370,9 +334,8 @@ class RestingContacts {
   Motions end_;     ///< at the end of a part
   Motions unheld_;  ///< the same without the contacts' forces
   State flown_;     ///< where these forces have taken the bodies
-  Reserved<typename Pair::Contact, pair_room<System>>
-      at_end_;  ///< how the resting pairs meet at the end of a part, or halfway
-  State last_;  ///< where the last step ended
+  State last_;      ///< where the last step ended
+  PartEnd<System> at_end_;
 };
 
 }  // namespace rbres::RBRES_ABI::detail

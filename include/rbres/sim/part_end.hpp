@@ -1,0 +1,86 @@
+#pragma once
+
+#include <rbres/contact/contact_pair.hpp>
+#include <rbres/core/reserved.hpp>
+
+namespace rbres::RBRES_ABI::detail {
+
+/// How pairs meet at the end of a part of a step.
+template <class System>
+class PartEnd {
+  using S = typename System::Scalar;
+  using State = typename System::State;
+  using Pair = ContactPair<System>;
+  using Pairs = ContactPairs<System>;
+
+ public:
+  using Contacts = Reserved<typename Pair::Contact, pair_room<System>>;
+
+  explicit PartEnd(const System& system) : system_(&system), in_crowd_(is_crowd(system)) {
+    contacts_.reserve(most_part_pairs(system));
+  }
+
+  /// Those of the pairs for which sunk() was asked, one for each pair.
+  const Contacts& contacts() const { return contacts_; }
+  /// The same to be written, for whatever the pairs' contacts are wanted until then.
+  Contacts& room(const Pairs& pairs) {
+    contacts_.resize(pairs.size());
+    return contacts_;
+  }
+
+  /// How much deeper than at the start of a part the deepest point is in `flown`, where the contacts' forces
+  /// have taken the bodies; 1: as deep as it may get. Of resting pairs, or of all. In a crowd a new point may
+  /// end the part, which is cheap; else parts are so short there that runs do not depend on rounding.
+  /// `sinking`: see impact_time(), of pairs that is_moving(pair).
+  template <class IsMoving>
+  S sunk(const Pairs& pairs, const State& flown, const MaskOf<S>& all, const S& sinking,
+         const IsMoving& is_moving) {
+    room(pairs);
+    S worst(0);
+    for (std::size_t k = 0; k < pairs.size(); ++k) {
+      const Pair& pair = pairs[k];
+      if (!any(all | pair.any_resting)) continue;
+      typename Pair::Contact& contact = contacts_[k];
+      pair.find(*system_, flown, contact);
+      S most = pair.most_sinking();
+      // A part may end where a new point of a resting pair shows: as deep as impact_time() lets it get.
+      if (in_crowd_ && any(all) && !pair.fixed_points())
+        most = select(pair.any_resting, S(as<S>(1.05) * pair.near), most);
+      const auto share = [&](const S& before, const S& after) {
+        const S depth = -minimum(before, S(0));
+        const S sinks = is_moving(pair) ? S(as<S>(1.05) * (sinking * pair.size - depth)) : S(0);
+        return S((-after - depth) / maximum(most, sinks));
+      };
+      if (!pair.fixed_points()) {
+        const S deeper = share(pair.manifold.separation, contact.separation);
+        worst = maximum(worst, select(all | pair.any_resting, deeper, S(0)));
+        continue;
+      }
+      for (std::size_t i = 0; i < Pair::points; ++i) {
+        const S deeper = share(pair.manifold.gap[i], contact.gap[i]);
+        worst = maximum(worst, select(pair.resting[i] | all, deeper, S(0)));
+      }
+    }
+    return worst;
+  }
+
+  /// Notes in the pairs how they meet where a part has ended, y, of bodies that are still as sunk() saw them
+  /// in `flown`.
+  void note_manifolds(Pairs& pairs, const State& flown, const State& y, bool all) const {
+    const auto stayed = [&](int i) {
+      return i < 0 || (y[i].position == flown[i].position && y[i].orientation == flown[i].orientation);
+    };
+    for (std::size_t k = 0; k < pairs.size(); ++k) {
+      Pair& pair = pairs[k];
+      pair.known = (all || pair.any_resting) && stayed(pair.who.first) && stayed(pair.who.second);
+      if (pair.known) pair.manifold = contacts_[k];
+    }
+  }
+
+ private:
+  const System* system_;
+  bool in_crowd_;
+  Contacts contacts_;
+};
+
+}  // namespace rbres::RBRES_ABI::detail
