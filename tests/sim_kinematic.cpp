@@ -216,6 +216,34 @@ TEST_CASE("a moving kinematic body drives others: paddle, conveyor, lift, turnta
   }
 }
 
+TEST_CASE_TEMPLATE("a box at the centre of a turntable takes up its spin", S, double, Pack<double, 4>) {
+  for (const ContactMode mode : modes) {
+    for (const double step : {1e-3, 2e-3, 1e-2}) {
+      for (const double friction : {0.2, 0.6, 5.0}) {
+        for (const double spin : {2.0, -0.5}) {
+          CAPTURE(mode == modes[1]);
+          CAPTURE(step);
+          CAPTURE(friction);
+          CAPTURE(spin);
+          const Material<double> material{0, friction};
+          const Body<double, Box<double>> on_it(Box{Vec3<double>{0.1, 0.1, 0.05}}, 1.0, material);
+          const auto turntable = Body<double, Box<double>>::kinematic(Box{Vec3<double>{1, 1, 0.1}}, material);
+          const System<S, 2, Box<S>> system({turntable.template cast<S>(), on_it.template cast<S>()});
+          SystemState<S, 2> y;
+          y[0].position.z = as<S>(-0.1);
+          y[0].angular_velocity.z = as<S>(spin);
+          y[1].position.z = as<S>(0.05);
+          Stepper stepper(system, Gravity{}, Rk4{}, {.step = step, .contacts = mode});
+          for (int i = 0; i * step < 1; ++i) stepper.step(y, S(0), as<S>(step));
+          const S off = y[1].angular_velocity.z - as<S>(spin), fell = y[1].position.z - as<S>(0.05);
+          CHECK(all(square(off) < as<S>(1e-12)));
+          CHECK(all(square(fell) < as<S>(1e-8)));
+        }
+      }
+    }
+  }
+}
+
 TEST_CASE("a heavy box on a light one on a table, whatever the table's index") {
   const Body<double> light(Box<double>{Vec3<double>{0.2, 0.2, 0.1}}, 1.0, Material<double>{0, 0.5});
   const Body<double> heavy(Box<double>{Vec3<double>{0.15, 0.1, 0.1}}, 1000.0, Material<double>{0, 0.5});

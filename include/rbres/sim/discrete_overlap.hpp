@@ -78,11 +78,12 @@ template <class S, class Shape>
 void resolve_kinematic(const RigidState<S>& partner, const Body<S, Shape>& body, const Vec3<S>& normal,
                        const S& depth, const Gain<S>& gain, const MaskOf<S>& hit, const Motion<S>& motion,
                        RigidState<S>& state) {
-  const Vec3<S> carried =
-      partner.velocity + cross(partner.angular_velocity_world(), state.position - partner.position);
+  const Vec3<S> turn = partner.angular_velocity_world(), turned = rotate_back(state.orientation, turn);
+  const Vec3<S> carried = partner.velocity + cross(turn, state.position - partner.position);
   const auto relative = [&] {
     RigidState<S> y = state;
     y.velocity -= carried;
+    y.angular_velocity -= turned;
     return y;
   };
   const S before = kinetic_energy(body, relative()) + gain.lost;
@@ -90,6 +91,7 @@ void resolve_kinematic(const RigidState<S>& partner, const Body<S, Shape>& body,
   RigidState<S> out = relative();
   push_out(body, normal, depth, S(-depth * body.mass() * dot(gain.acceleration, normal)), before, out);
   out.velocity += carried;
+  out.angular_velocity += turned;
   state = select(depth > S(0), out, state);
 }
 
