@@ -140,7 +140,8 @@ class ContactRows {
  private:
   /// Newton's method solves most single pairs and most small islands; a few sweeps others, the method of
   /// multipliers what it leaves off, single bodies by more than `enough` (m/s). Large heaps, for which that
-  /// costs too much, are swept to a coarser tolerance, and on where that is soon reached.
+  /// costs too much, are swept to a coarser tolerance and then on, those in motion where that is soon
+  /// reached.
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance, const S& enough,
              bool moving) {
     constexpr int few = 12, some = 40, many = 100;
@@ -169,7 +170,7 @@ class ContactRows {
     MaskOf<S> open = left;
     if (!(moving && friction)) open = sweep(motion, open, false, coarse, many);
     if (friction) open = sweep(motion, where, true, coarse, moving ? some : many);
-    if (!any(open)) sweep(motion, where, friction, tolerance, few);
+    if (!(moving && any(open))) sweep(motion, where, friction, tolerance, few);
   }
 
   static constexpr double most_failures = 40;

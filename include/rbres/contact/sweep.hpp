@@ -12,13 +12,15 @@ namespace rbres::RBRES_ABI::detail {
 /// (m/s). Ends with a sweep, so that every cone holds. Returns the lanes in which laws are still off.
 ///
 /// `points` has size(); relax(k, friction, where), which answers the law of point k and returns how far it
-/// was off; start() of the way and start_round(); squared_change() of the impulses in this round; and
-/// go_on(share), which goes that share of the way on.
+/// was off; start() of the way and start_round(); squared_change() of the impulses in this round;
+/// go_on(share), which goes that share of the way on; and gives_up, whether it also ends where six rounds
+/// have brought nothing.
 template <class S, class Points>
 MaskOf<S> sweep(Points& points, const MaskOf<S>& where, bool friction, const S& tolerance, int rounds) {
   constexpr int patience = 12;
   MaskOf<S> working = where, open(false);
   S last_length(0), mark(std::numeric_limits<typename Constants<S>::Real>::max());
+  [[maybe_unused]] S seen = mark;
   points.start();
   for (int round = 1; round <= rounds; ++round) {
     points.start_round();
@@ -37,6 +39,12 @@ MaskOf<S> sweep(Points& points, const MaskOf<S>& where, bool friction, const S& 
       mark = worst;
     }
     if (!any(working) || round == rounds) break;
+    if constexpr (Points::gives_up) {
+      if (round % 6 == 0) {
+        if (worst > as<S>(0.998) * seen) break;
+        seen = worst;
+      }
+    }
     const S length = points.squared_change();
     const MaskOf<S> onward = working & (length < last_length);
     const S share = select(onward, S(length / select(onward, last_length, S(1))), S(0));
@@ -50,6 +58,7 @@ MaskOf<S> sweep(Points& points, const MaskOf<S>& where, bool friction, const S& 
 template <class Rows, class Motions>
 struct RowPoints {
   using S = typename Rows::value_type::Scalar;
+  static constexpr bool gives_up = false;
   Rows& rows;
   Motions& motion;
 

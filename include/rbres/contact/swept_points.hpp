@@ -85,8 +85,9 @@ class SweptPoints {
   }
 
   std::size_t size() const { return points_.size(); }
-  /// See sweep().
+  /// See sweep(). Bodies of a heap may be wedged, and then no round brings anything, in step after step.
   /// @{
+  static constexpr bool gives_up = true;
   void start() {
     for (Point& p : points_) p.way = Four{};
   }
