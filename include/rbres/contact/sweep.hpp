@@ -18,6 +18,7 @@ namespace rbres::RBRES_ABI::detail {
 template <class S, class Points>
 MaskOf<S> sweep(Points& points, const MaskOf<S>& where, bool friction, const S& tolerance, int rounds) {
   constexpr int patience = 12;
+  [[maybe_unused]] constexpr int glance = 6;
   MaskOf<S> working = where, open(false);
   S last_length(0), mark(std::numeric_limits<typename Constants<S>::Real>::max());
   [[maybe_unused]] S seen = mark;
@@ -40,7 +41,7 @@ MaskOf<S> sweep(Points& points, const MaskOf<S>& where, bool friction, const S& 
     }
     if (!any(working) || round == rounds) break;
     if constexpr (Points::gives_up) {
-      if (round % 6 == 0) {
+      if (round % glance == 0) {
         if (worst > as<S>(0.998) * seen) break;
         seen = worst;
       }

@@ -20,9 +20,9 @@ class PartEnd {
     contacts_.reserve(most_part_pairs(system));
   }
 
-  /// Those of the pairs for which sunk() was asked, one for each pair.
+  /// One for each pair: as sunk() found it.
   const Contacts& contacts() const { return contacts_; }
-  /// The same to be written, for whatever the pairs' contacts are wanted until then.
+  /// The same to write to, before sunk() is asked.
   Contacts& room(const Pairs& pairs) {
     contacts_.resize(pairs.size());
     return contacts_;

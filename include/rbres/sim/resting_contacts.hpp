@@ -331,11 +331,11 @@ class RestingContacts {
   Forces forces_;
   PerBody<MaskOf<S>, System::bodies> torqued_;  ///< whether other forces turn it
   RestingTurns<System> turns_;
-  Motions end_;     ///< at the end of a part
-  Motions unheld_;  ///< the same without the contacts' forces
-  State flown_;     ///< where these forces have taken the bodies
-  State last_;      ///< where the last step ended
-  PartEnd<System> at_end_;
+  Motions end_;             ///< at the end of a part
+  Motions unheld_;          ///< the same without the contacts' forces
+  State flown_;             ///< where these forces have taken the bodies
+  State last_;              ///< where the last step ended
+  PartEnd<System> at_end_;  ///< while forces are found, halfway
 };
 
 }  // namespace rbres::RBRES_ABI::detail
