@@ -3,6 +3,7 @@
 #include <array>
 #include <limits>
 #include <rbres/contact/impulse.hpp>
+#include <type_traits>
 
 namespace rbres::RBRES_ABI::detail {
 
@@ -91,6 +92,13 @@ struct ConePoint {
     impulse += {select(working, p.x, S(0)), select(working, p.y, S(0)), select(working, p.z, S(0))};
   }
 
+  /// Gives the contact point that it stands for the best impulse so far.
+  template <class Point>
+  void apply(const S& friction, Point& point, Motion<S>& first, Motion<S>& second) const {
+    std::array<S, 3> change = result(friction);
+    for (std::size_t d = 0; d < 3; ++d) change[d] = select(active, S(change[d] - point.impulse()[d]), S(0));
+    point.add(change, first, second);
+  }
   /// The best impulse so far, within the friction cone.
   std::array<S, 3> result(const S& friction) const {
     const S normal = maximum(best[0], S(0)), share = inside(best[1], best[2], friction * normal);
@@ -105,5 +113,28 @@ struct ConePoint {
     return select(beyond, S(radius * inverse_root(select(beyond, length2, S(1)))), S(1));
   }
 };
+
+/// How much the equations of few points are softened, see ConePoint.
+template <class S>
+inline constexpr double few_points_soft = std::is_same_v<typename Constants<S>::Real, float> ? 1e-4 : 1e-7;
+
+/// Newton's method for few points to `tolerance` (m/s), or as near as it gets: read() says by how much the
+/// worst law is off, keep(where) notes the best impulses, advance(where) goes a step. Returns the lanes in
+/// which laws are off.
+template <class S, class Read, class Keep, class Advance>
+MaskOf<S> newton_steps(const S& tolerance, const Read& read, const Keep& keep, const Advance& advance) {
+  constexpr int most_steps = 16;
+  MaskOf<S> working(true);
+  S best(std::numeric_limits<typename Constants<S>::Real>::max());
+  for (int step = 0;; ++step) {
+    const S worst = read();
+    const MaskOf<S> better = worst < best;
+    best = select(better, worst, best);
+    keep(better);
+    working = working & !(worst <= tolerance);
+    if (!any(working) || step == most_steps) return working;
+    advance(working);
+  }
+}
 
 }  // namespace rbres::RBRES_ABI::detail

@@ -6,6 +6,7 @@
 #include <rbres/contact/coupled_newton.hpp>
 #include <rbres/contact/island_newton.hpp>
 #include <rbres/contact/pair_newton.hpp>
+#include <rbres/contact/point_newton.hpp>
 #include <rbres/contact/sweep.hpp>
 #include <rbres/contact/swept_points.hpp>
 #include <rbres/core/reserved.hpp>
@@ -219,6 +220,13 @@ class ContactRows {
     Motion<S>& second = motion[static_cast<std::size_t>(some.who.second)];
     Motion<S>& first = some.plane() ? second : motion[static_cast<std::size_t>(some.who.first)];
     const S rubs = friction ? some.friction : S(0);
+    if (end == from + 1) {
+      PointNewton<S, std::is_same_v<Point, FixedPoint>> newton(at(some), some.target, some.active & where,
+                                                               first, second);
+      const MaskOf<S> open = newton.solve(rubs, tolerance);
+      newton.apply(rubs, at(rows_[from]), first, second);
+      return open & where;
+    }
     PairNewton<S, std::is_same_v<Point, FixedPoint>, Pair::points> newton(at(some).frame(), first, second);
     for (std::size_t i = from; i < end; ++i)
       newton.add(at(rows_[i]), rows_[i].target, rows_[i].active & where);

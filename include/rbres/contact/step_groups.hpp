@@ -1,12 +1,29 @@
 #pragma once
 
 #include <algorithm>
-#include <rbres/contact/broad_phase.hpp>
 #include <rbres/contact/islands.hpp>
+#include <rbres/contact/pair_search.hpp>
 #include <rbres/core/reserved.hpp>
 #include <span>
 
 namespace rbres::RBRES_ABI::detail {
+
+/// How far a shape reaches along a unit vector of its frame, or farther, m.
+/// @{
+template <class Shape, class S>
+S extent_along(const Shape& shape, const Vec3<S>&) {
+  return shape.bounding_radius();
+}
+template <class S>
+S extent_along(const Box<S>& box, const Vec3<S>& direction) {
+  return dot(box.half, absolute(direction));
+}
+template <class S>
+S extent_along(const Capsule<S>& capsule, const Vec3<S>& direction) {
+  using std::abs;
+  return capsule.radius + capsule.half_length * abs(direction.z);
+}
+/// @}
 
 /// The groups of bodies that cannot meet one another within a step, whatever happens inside them: each takes
 /// the step by itself. Kinematic bodies join nothing, and belong to each group that may meet them.
@@ -34,9 +51,9 @@ class StepGroups {
     }
   }
 
-  /// Finds the groups for a step of `time` seconds from y, in which bodies alone go `way` m. False where the
-  /// system is one group.
-  bool find(const State& y, const Ways& way, const S& time) {
+  /// Finds the groups for a step of `time` seconds from y, in which bodies alone go `way` m and end at
+  /// `free`. False where the system is one group.
+  bool find(const State& y, const State& free, const Ways& way, const S& time) {
     S fastest(0);
     for (int i = 0; i < system_->size(); ++i) fastest = maximum(fastest, far(y, way, time, i));
     for (int i = 0; i < system_->size(); ++i) {
@@ -50,7 +67,7 @@ class StepGroups {
         ball_[index(i)] = (*system_)[i].bounding_radius() * as<S>(1.001) + reach_[index(i)];
       const auto& pairs = broad_.find(*system_, y, ball_);
       if (join(pairs, y, way, time)) continue;
-      list(pairs);
+      list(pairs, y, free, way, time);
       return count() > 1 || !alone_.empty();
     }
     return false;
@@ -113,13 +130,33 @@ class StepGroups {
     return grown;
   }
 
+  /// Whether group k is a body that can meet planes alone, and flies clear of them.
+  template <class Pairs>
+  bool is_clear(std::size_t k, const Pairs& pairs, const State& y, const State& free, const Ways& way,
+                const S& time) const {
+    const auto island = islands_[k];
+    return std::all_of(island.begin(), island.end(), [&](std::size_t pair) {
+      const auto& [first, second] = pairs[pair];
+      if (first >= 0) return false;
+      const auto& body = (*system_)[second];
+      const RigidState<S>& state = y[second];
+      const Plane<S>& plane = system_->planes()[index(-1 - first)];
+      const Vec3<S> normal = rotate_back(body.shape_rotation(), rotate_back(state.orientation, plane.normal));
+      const S extent = with_shape(body.shape(), [&](const auto& s) { return extent_along(s, normal); });
+      const S moves =
+          way[index(second)] + body.bounding_radius() * (as<S>(1e-3) + turn_of(state, free[second], time));
+      return dot(plane.normal, state.position) - plane.offset > extent + moves;
+    });
+  }
+
   /// Lists the bodies of each group, and those that are alone.
   template <class Pairs>
-  void list(const Pairs& pairs) {
+  void list(const Pairs& pairs, const State& y, const State& free, const Ways& way, const S& time) {
     meets_.fill(false);
     bodies_.clear();
     end_.clear();
     for (std::size_t k = 0; k < islands_.count(); ++k) {
+      if (is_clear(k, pairs, y, free, way, time)) continue;
       const auto start = static_cast<std::ptrdiff_t>(bodies_.size());
       each_of(k, pairs, [&](int i) {
         bodies_.push_back(i);

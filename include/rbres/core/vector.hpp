@@ -196,7 +196,7 @@ template <class S>
 }
 /// A vector of the world frame in the body frame.
 template <class S>
-Vec3<S> rotate_back(const Quat<S>& q, const Vec3<S>& v) {
+[[gnu::always_inline]] inline Vec3<S> rotate_back(const Quat<S>& q, const Vec3<S>& v) {
   return rotate(q.conjugate(), v);
 }
 

@@ -64,9 +64,11 @@ struct FluidFriction {
       if constexpr (std::is_same_v<Held, Sphere<S>>) {
         return shape.frontal(state.velocity, factor);  // the same from every side
       } else {
-        return shape.frontal(
-            rotate(body.shape_rotation().conjugate(), rotate_back(state.orientation, state.velocity)),
-            factor);
+        const Vec3<S> in_body = rotate_back(state.orientation, state.velocity);
+        if constexpr (std::is_floating_point_v<S>) {  // dual numbers know of turns nearby
+          if (body.shape_rotation().w == S(1)) return shape.frontal(in_body, factor);
+        }
+        return shape.frontal(rotate_back(body.shape_rotation(), in_body), factor);
       }
     });
     Wrench<S> wrench{resistance * state.velocity, {}};

@@ -90,7 +90,7 @@ class ContinuousContact {
     parts_.fly_freely(all(), forces, integrator, y, t, h);
     const auto& ways = parts_.ways(y, h);
     if (parts_.mark_faults(ways, MaskOf<S>(true), y)) return true;
-    flown = !groups.find(y, ways, h);
+    flown = !groups.find(y, parts_.free(), ways, h);
     if (flown) return false;
     start = y;
     const ContactTally<S> tally_before = tally;
