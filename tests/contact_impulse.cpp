@@ -260,6 +260,44 @@ TEST_CASE("points of several surfaces obey the contact laws together, and in lan
   }
 }
 
+TEST_CASE_TEMPLATE("Newton's method solves impacts of bodies of any size by itself", S, double, float) {
+  for (const double half : {0.01, 0.1, 20.0}) {
+    for (const double friction : {0.0, 0.3, 1.0}) {
+      CAPTURE(half);
+      CAPTURE(friction);
+      const Box<S> box{S(half), S(half), S(0.5 * half)};
+      const Body<S, Box<S>> body(box, S(4000 * half * half * half), Material<S>{});
+      // From one corner to all four of a face; speeds as of a fall as deep as the body is large.
+      for (std::size_t points = 1; points <= 4; ++points) {
+        CAPTURE(points);
+        const S speed = S(std::sqrt(10 * half));
+        RigidState<S> state;
+        state.velocity = speed * Vec3<S>{S(0.4), S(-0.2), S(-1)};
+        state.angular_velocity = (speed / S(half)) * Vec3<S>{S(0.1), S(0.2), S(-0.3)};
+        Motion<S> motion = motion_of(body, state);
+        std::vector<ContactPoint<S, true>> contacts;
+        for (std::size_t i = 0; i < points; ++i) {
+          const Vec3<S> corner{i & 1 ? box.half.x : -box.half.x, i & 2 ? box.half.y : -box.half.y,
+                               -box.half.z};
+          contacts.emplace_back(Vec3<S>{S(0), S(0), S(1)}, corner, motion, motion);
+        }
+        const S tolerance = S(std::is_same_v<S, float> ? 1e-5 : 1e-12) * speed;
+        if (points == 1) {
+          detail::PointNewton<S, true> newton(contacts[0], S(0), true, motion, motion);
+          CHECK_FALSE(newton.solve(S(friction), tolerance));
+          newton.apply(S(friction), contacts[0], motion, motion);
+        } else {
+          detail::PairNewton<S, true, 4> newton(contacts[0].frame(), motion, motion);
+          for (const auto& contact : contacts) newton.add(contact, S(0), true);
+          CHECK_FALSE(newton.solve(S(friction), tolerance));
+          for (std::size_t i = 0; i < points; ++i) newton.apply(i, S(friction), contacts[i], motion, motion);
+        }
+        for (const auto& contact : contacts) CHECK(contact.velocity(0, motion, motion) > S(-4) * tolerance);
+      }
+    }
+  }
+}
+
 TEST_CASE("friction is solved where Newton's method fails and sweeps solve the normals") {
   Random random(1, 1);
   const auto draw = [&] {

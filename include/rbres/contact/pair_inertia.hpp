@@ -55,14 +55,6 @@ class PairInertia {
     }
   }
 
-  /// One over about what mass and moments of inertia are, 1/kg and 1/(kg m^2): their cubes leave the range of
-  /// float where these bring them near one first.
-  S inverse_mass() const { return response_; }
-  S inverse_moment() const {
-    S sum = second_.x.x + second_.y.y + second_.z.z;
-    if constexpr (!Fixed) sum += first_.x.x + first_.y.y + first_.z.z;
-    return sum;
-  }
   /// Mass and inertia in the places of V and W, the right side zero.
   Equations equations() const {
     const Mat3<S>&l = linear_, &a = angular_;

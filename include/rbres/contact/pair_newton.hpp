@@ -128,28 +128,23 @@ class PairNewton {
     add(e[5], tx.z, ty.z, tz.z, {wx.z, wy.z, wz.z}, moment.z);
   }
 
-  /// Elimination by blocks of three: two divisions in place of six, each of which waits for the one before.
-  std::array<S, 6> solved(const typename PairInertia<S, Fixed>::Equations& e) const {
-    const auto column = [&](std::size_t from, std::size_t j) {
-      return Vec3<S>{e[from][j], e[from + 1][j], e[from + 2][j]};
-    };
-    const Mat3<S> over = inverse_of({column(0, 0), column(0, 1), column(0, 2)}, inertia_.inverse_mass());
-    const Mat3<S> below{column(3, 0), column(3, 1), column(3, 2)};
-    const Vec3<S> x = over * column(0, 3), y = over * column(0, 4), z = over * column(0, 5),
-                  right = over * column(0, 6);
-    const Vec3<S> turn =
-        inverse_of({column(3, 3) - below * x, column(3, 4) - below * y, column(3, 5) - below * z},
-                   inertia_.inverse_moment()) *
-        (column(3, 6) - below * right);
-    const Vec3<S> move = right - Mat3<S>{x, y, z} * turn;
-    return {move.x, move.y, move.z, turn.x, turn.y, turn.z};
-  }
-  /// The inverse of a matrix, which is computed with numbers `unit` times as large.
-  static Mat3<S> inverse_of(const Mat3<S>& m, const S& unit) {
-    const Vec3<S> a = unit * m.x, b = unit * m.y, c = unit * m.z;
-    const Vec3<S> x = cross(b, c), y = cross(c, a), z = cross(a, b);
-    const S over = unit * inverse(dot(a, x));
-    return {over * Vec3<S>{x.x, y.x, z.x}, over * Vec3<S>{x.y, y.y, z.y}, over * Vec3<S>{x.z, y.z, z.z}};
+  /// Gaussian elimination. Mass and inertia keep its pivots from zero.
+  static std::array<S, 6> solved(typename PairInertia<S, Fixed>::Equations& e) {
+    std::array<S, 6> over;
+    for (std::size_t k = 0; k < 6; ++k) {
+      over[k] = inverse(e[k][k]);
+      for (std::size_t i = k + 1; i < 6; ++i) {
+        const S factor = e[i][k] * over[k];
+        for (std::size_t j = k + 1; j < 7; ++j) e[i][j] -= factor * e[k][j];
+      }
+    }
+    std::array<S, 6> x;
+    for (std::size_t k = 6; k-- > 0;) {
+      S sum = e[k][6];
+      for (std::size_t j = k + 1; j < 6; ++j) sum -= e[k][j] * x[j];
+      x[k] = sum * over[k];
+    }
+    return x;
   }
 
   PairInertia<S, Fixed> inertia_;
