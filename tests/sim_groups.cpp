@@ -427,6 +427,48 @@ TEST_CASE("a body that an impact drives into another group within a step does no
   }
 }
 
+TEST_CASE_TEMPLATE("a body near a plane flies alone only where none of its points can meet it", Geometry,
+                   Box<double>, Capsule<double>) {
+  constexpr bool is_box = std::is_same_v<Geometry, Box<double>>;
+  const Geometry geometry = [] {
+    if constexpr (is_box) {
+      return Box{0.5, 0.05, 0.05};
+    } else {
+      return Capsule{0.05, 0.45};
+    }
+  }();
+  const Material<double> material{0.5, 0.0};
+  // The second body is far away: so there are groups.
+  const auto world = System<double, 2, Geometry>::of(Body{geometry, 1.0, material}, {floor_plane(material)});
+  // Impacts within 10 ms of a body whose long axis is so far from level, and whose lowest point is 10 mm
+  // above the floor.
+  const auto impacts = [&](double tilt, double turn, double fall, double spin, double torque) {
+    SystemState<double, 2> y;
+    y[0].orientation = quaternion_exp(Vec3<double>{0, 0, turn}) *
+                       quaternion_exp(Vec3<double>{0, is_box ? tilt : 0.5 * std::numbers::pi + tilt, 0});
+    y[0].position.z =
+        0.01 + (is_box ? 0.5 * std::sin(tilt) + 0.05 * std::cos(tilt) : 0.45 * std::sin(tilt) + 0.05);
+    y[0].velocity.z = -fall;
+    y[0].angular_velocity = {0, spin, 0};
+    y[1].position = {10, 0, 10};
+    const auto twist = [&](const auto&, const RigidState<double>&, int i, double) {
+      return Wrench<double>{{}, {0, i == 0 ? torque : 0.0, 0}};
+    };
+    return simulate(world, y, Forces{twist}, Rk4{}, {.step = 0.01, .duration = 0.01}).impacts;
+  };
+  for (const double turn : {0.0, 1.0, 2.5}) {  // about the floor's normal, which changes nothing
+    for (const double tilt : {0.05, 0.8, 1.5}) {
+      CAPTURE(turn);
+      CAPTURE(tilt);
+      CHECK(impacts(tilt, turn, 0.0, 0.0, 0.0) == 0);
+      CHECK(impacts(tilt, turn, 0.9, 0.0, 0.0) == 0);
+      CHECK(impacts(tilt, turn, 1.1, 0.0, 0.0) == 1);
+    }
+    CHECK(impacts(0.05, turn, 0.0, 10.0, 0.0) + impacts(0.05, turn, 0.0, -10.0, 0.0) >= 1);
+    CHECK(impacts(0.05, turn, 0.0, 0.0, 200.0) + impacts(0.05, turn, 0.0, 0.0, -200.0) >= 1);
+  }
+}
+
 TEST_CASE("a conveyor that rises and that many groups share carries them all") {
   const Material<double> material{0.0, 0.5};
   std::vector<Body<double>> bodies{Body<double>::kinematic(Box{20.0, 1.0, 0.1}, material)};
