@@ -122,7 +122,7 @@ inline constexpr double few_points_soft = std::is_same_v<typename Constants<S>::
 /// worst law is off, keep(where) notes the best impulses, advance(where) goes a step. Returns the lanes in
 /// which laws are off.
 template <class S, class Read, class Keep, class Advance>
-MaskOf<S> newton_steps(const S& tolerance, const Read& read, const Keep& keep, const Advance& advance) {
+MaskOf<S> iterate_newton(const S& tolerance, const Read& read, const Keep& keep, const Advance& advance) {
   constexpr int most_steps = 16;
   MaskOf<S> working(true);
   S best(std::numeric_limits<typename Constants<S>::Real>::max());

@@ -221,8 +221,7 @@ class ContactRows {
     Motion<S>& first = some.plane() ? second : motion[static_cast<std::size_t>(some.who.first)];
     const S rubs = friction ? some.friction : S(0);
     if (end == from + 1) {
-      PointNewton<S, std::is_same_v<Point, FixedPoint>> newton(at(some), some.target, some.active & where,
-                                                               first, second);
+      PointNewton<S> newton(at(some), some.target, some.active & where, first, second);
       const MaskOf<S> open = newton.solve(rubs, tolerance);
       newton.apply(rubs, at(rows_[from]), first, second);
       return open & where;

@@ -52,7 +52,7 @@ class PairNewton {
 
   /// Finds the impulses to `tolerance` (m/s), or as near as it gets. Returns the lanes in which laws are off.
   MaskOf<S> solve(const S& friction, const S& tolerance) {
-    return newton_steps<S>(
+    return iterate_newton<S>(
         tolerance, [&] { return read(friction); },
         [&](const MaskOf<S>& better) {
           for (std::size_t i = 0; i < size_; ++i) rows_[i].value.keep(better);

@@ -5,7 +5,7 @@
 namespace rbres::RBRES_ABI::detail {
 
 /// Newton's method for the contact laws at a single point: three equations for its velocity.
-template <class S, bool Fixed>
+template <class S>
 class PointNewton {
  public:
   /// The point leaves at the speed `target` (m/s) at least, where `active`. Starts from the impulse that it
@@ -17,22 +17,14 @@ class PointNewton {
     start_ = row_.impulse;
     fault_ = {point.velocity(0, first, second) - target, point.velocity(1, first, second),
               point.velocity(2, first, second)};
-    const auto responds = [&](std::size_t d, std::size_t e) {
-      S k = dot(point.second_arm(d), point.second_spin(e));
-      if (d == e) k += second.inverse_mass;
-      if constexpr (!Fixed) {
-        k += dot(point.first_arm(d), point.first_spin(e));
-        if (d == e) k += first.inverse_mass;
-      }
-      return k;
-    };
+    const auto responds = [&](std::size_t d, std::size_t e) { return point.response(d, e, first, second); };
     const S nu = responds(1, 0), nv = responds(2, 0), uv = responds(2, 1);
     response_ = {{responds(0, 0), nu, nv}, {nu, responds(1, 1), uv}, {nv, uv, responds(2, 2)}};
   }
 
   /// As PairNewton::solve().
   MaskOf<S> solve(const S& friction, const S& tolerance) {
-    return newton_steps<S>(
+    return iterate_newton<S>(
         tolerance, [&] { return row_.read(fault_ + response_ * (row_.impulse - start_), friction, S(0)); },
         [&](const MaskOf<S>& better) { row_.keep(better); },
         [&](const MaskOf<S>& working) { advance(friction, working); });
