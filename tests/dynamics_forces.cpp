@@ -50,6 +50,27 @@ TEST_CASE("a box meets the fluid with the area that it turns to it") {
   CHECK(fluid(turned, y).force.x == doctest::Approx(-0.6 * (0.4 * 0.6) * 4).epsilon(1e-14));
 }
 
+TEST_CASE_TEMPLATE("the drag of a plate knows of the smallest turn of its principal axes", S, double, float) {
+  // The rotation's w is rounded to one.
+  const S small = std::is_same_v<S, float> ? S(4e-4) : S(1e-8);
+  const Box<S> plate{S(0.5), S(0.5), S(2.5) * small};
+  RigidState<S> state;
+  state.velocity = {S(10), S(0), S(0)};
+  const S expected = FluidFriction<S>{}(Body<S, Box<S>>{plate, S(1)}, state).force.x;
+  bool rounded = false;
+  for (const S angle : {-small, small}) {
+    const Eigen::Matrix<S, 3, 3> axes =
+        Eigen::AngleAxis<S>(angle, Eigen::Matrix<S, 3, 1>(S(0.48), S(0.6), S(0.64))).toRotationMatrix();
+    const Eigen::Matrix<S, 3, 3> inertia =
+        axes * Eigen::Matrix<S, 3, 1>(S(1), S(1.3), S(1.6)).asDiagonal() * axes.transpose();
+    const Body<S, Box<S>> body{plate, S(1), Eigen::Matrix<S, 3, 3>(S(0.5) * (inertia + inertia.transpose()))};
+    state.orientation = body.shape_rotation().conjugate();
+    CHECK(std::abs(FluidFriction<S>{}(body, state).force.x / expected - 1) < 1e-3);
+    rounded = rounded || body.shape_rotation().w == S(1);
+  }
+  CHECK(rounded);
+}
+
 TEST_CASE("damping: the rate times m v against v, and times I w against w") {
   const Body box{Box{0.1, 0.2, 0.3}, 12.0};
   const auto w = Damping{0.5, 0.25}(box, moving());

@@ -469,6 +469,35 @@ TEST_CASE_TEMPLATE("a body near a plane flies alone only where none of its point
   }
 }
 
+TEST_CASE("a body that turns and has stopped when the step ends does not fly alone into a plane") {
+  const double half = 0.2, step = 1e-3;
+  const Body<double, Box<double>> plate{Box{half, 0.1, 0.002}, 1.0};
+  const auto world = System<double, 2, Box<double>>::of(plate, {floor_plane(Material<double>{})});
+  for (const double phase : {0.2, 0.8, 1.5, 3.14}) {  // of a torque that accelerates, then brakes, in a step
+    for (const double turn : {0.02, 0.1, 0.3, -0.3}) {
+      CAPTURE(phase);
+      CAPTURE(turn);
+      const double rate = phase / step;
+      const double most = turn * plate.inertia().y * rate * rate /
+                          (2 * std::sin(0.5 * phase) - phase * std::cos(0.5 * phase));
+      const auto twist = [&](const auto&, const RigidState<double>&, int i, double time) {
+        return Wrench<double>{
+            {}, {0, i == 0 ? most * std::cos(rate * (time - 0.5 * step) + 0.5 * std::numbers::pi) : 0.0, 0}};
+      };
+      SystemState<double, 2> y;
+      y[0].position.z = 0.002 + 2.5e-4;
+      y[1].position = {10, 0, 10};
+      simulate(world, y, Forces{twist}, Rk4{}, {.step = step, .duration = step});
+      double lowest = 1;
+      for (const double x : {-half, half}) {
+        for (const double z : {-0.002, 0.002})
+          lowest = std::min(lowest, (y[0].position + rotate(y[0].orientation, {x, 0.1, z})).z);
+      }
+      CHECK(lowest > -2e-5);
+    }
+  }
+}
+
 TEST_CASE("a conveyor that rises and that many groups share carries them all") {
   const Material<double> material{0.0, 0.5};
   std::vector<Body<double>> bodies{Body<double>::kinematic(Box{20.0, 1.0, 0.1}, material)};

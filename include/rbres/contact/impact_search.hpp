@@ -36,12 +36,9 @@ typename System::Scalar displacement_bound(const System& system, const Candidate
   S bound = norm(way);
   for (const int i : {who.first, who.second}) {
     if (i < 0) continue;
-    // A turn by an angle t moves a point by 2 sin(t / 2) levers, and quaternions by 2 sin(t / 4).
-    const Quat<S>&q = start[i].orientation, &r = end[i].orientation;
-    const S chord2 =
-        square(S(r.x - q.x)) + square(S(r.y - q.y)) + square(S(r.z - q.z)) + square(S(r.w - q.w));
+    // A turn by an angle t moves a point by 2 sin(t / 2) levers.
     const S lever = with_shape(system[i].shape(), [](const auto& s) { return s.lever(); });
-    bound += S(2) * lever * positive_root(S(chord2 + S(Constants<S>::tiny)));
+    bound += S(2) * lever * distance(start[i].orientation, end[i].orientation);
   }
   return bound;
 }

@@ -66,7 +66,7 @@ struct FluidFriction {
       } else {
         const Vec3<S> in_body = rotate_back(state.orientation, state.velocity);
         if constexpr (std::is_floating_point_v<S>) {  // dual numbers know of turns nearby
-          if (body.shape_rotation().w == S(1)) return shape.frontal(in_body, factor);
+          if (body.shape_rotation() == Quat<S>{}) return shape.frontal(in_body, factor);
         }
         return shape.frontal(rotate_back(body.shape_rotation(), in_body), factor);
       }
