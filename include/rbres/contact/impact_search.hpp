@@ -38,7 +38,7 @@ typename System::Scalar displacement_bound(const System& system, const Candidate
     if (i < 0) continue;
     // A turn by an angle t moves a point by 2 sin(t / 2) levers.
     const S lever = with_shape(system[i].shape(), [](const auto& s) { return s.lever(); });
-    bound += S(2) * lever * distance(start[i].orientation, end[i].orientation);
+    bound += S(2) * lever * chord(start[i].orientation, end[i].orientation);
   }
   return bound;
 }

@@ -16,7 +16,7 @@ S turn_of(const RigidState<S>& from, const RigidState<S>& to, const S& time) {
   const S spun = time * (maximum(norm(w), norm(end)) + as<S>(0.5) * norm(end - w));
   // A cubic leaves its chord by 4/27 of each end's slope less that of the chord; an angle t is at most 2.3
   // times the distance of the quaternions.
-  const S turned = as<S>(2.3 * 35 / 27) * distance(from.orientation, to.orientation) +
+  const S turned = as<S>(2.3 * 35 / 27) * chord(from.orientation, to.orientation) +
                    as<S>(4.0 / 27) * time * (norm(w) + norm(end));
   return maximum(spun, turned);
 }

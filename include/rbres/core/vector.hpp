@@ -118,12 +118,15 @@ template <class S>
 S squared_norm(const Quat<S>& q) {
   return q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w;
 }
-/// The length of the difference; of the orientations before and after a turn by t it is 2 sin(t / 4).
+namespace detail {
+/// The distance of two quaternions; of the orientations before and after a turn by t it is 2 sin(t / 4).
 template <class S>
-S distance(const Quat<S>& a, const Quat<S>& b) {
+S chord(const Quat<S>& a, const Quat<S>& b) {
   return positive_root(
       S(squared_norm(Quat<S>{a.x - b.x, a.y - b.y, a.z - b.z, a.w - b.w}) + S(Constants<S>::tiny)));
 }
+}  // namespace detail
+
 /// q over its length, which must not be 0.
 template <class S>
 [[gnu::always_inline]] inline Quat<S> normalized(const Quat<S>& q) {
