@@ -94,6 +94,61 @@ TEST_CASE("bodies at rest sleep: a step is one flight of each, and where they ar
   CHECK(distance(y, before) < 1e-12);
 }
 
+TEST_CASE("bodies come to rest in a fluid, whose drag of a fall is not that of a body that is held") {
+  struct Drag {
+    double linear, quadratic;  // 1/s; kg/m
+    long* calls;
+
+    Wrench<double> operator()(const Body<double, Box<double>>& body, const RigidState<double>& y, int,
+                              double) const {
+      ++*calls;
+      return {(-linear * body.mass() - quadratic * norm(y.velocity)) * y.velocity +
+                  Vec3<double>{0, 0, -9.81 * body.mass()},
+              -0.01 * linear * y.angular_velocity};
+    }
+  };
+  // A stack, and some that slide and fall.
+  const auto rests = [](const auto& system, auto y, double linear, double quadratic, double h) {
+    CAPTURE(system.size());
+    CAPTURE(linear);
+    CAPTURE(quadratic);
+    CAPTURE(h);
+    for (int i = 0; i < system.size(); ++i)
+      y[i].position = {i < 3 ? 0.01 * i : i, 0, i < 3 ? 0.1 + 0.2 * i : 0.11};
+    y[3].velocity.x = 0.5;
+    long calls = 0;
+    double apart = 0;
+    Stepper stepper(system, Drag{linear, quadratic, &calls}, Rk4{}, {.step = h});
+    for (int k = 0; k * h < 2.4; ++k) {
+      auto anew = y;
+      calls = 0;
+      stepper.step(y, k * h, h);
+      if (system.size() > 4 || k % 10 != 0) continue;
+      // What the steps before have taught says only where the solver starts.
+      const long taken = calls;
+      Stepper(system, Drag{linear, quadratic, &calls}, Rk4{}, {.step = h}).step(anew, k * h, h);
+      for (int i = 0; i < system.size(); ++i) apart = std::max(apart, norm(y[i].velocity - anew[i].velocity));
+      calls = taken;
+    }
+    CHECK(apart < 1e-10);
+    CHECK(calls == 4 * system.size());  // all sleep
+    CHECK(std::abs(y[2].position.z - 0.5) < 1e-8);
+  };
+  const Boxes few = boxes();
+  const System<double, dynamic, Box<double>> many{std::vector(14, Body(Box{0.2, 0.2, 0.1}, 1.0, rough)),
+                                                  {floor_plane(rough)}};
+  SystemState<double, dynamic> at_origin;
+  at_origin.body.resize(14);
+  for (const double h : {5e-4, 2e-3, 1e-2}) {
+    rests(few, SystemState<double, 4>{}, 0, 0.1, h);
+    rests(few, SystemState<double, 4>{}, 0.1, 0, h);
+    rests(few, SystemState<double, 4>{}, 0, 30, h);
+    rests(few, SystemState<double, 4>{}, 2, 0, h);
+  }
+  rests(many, at_origin, 0, 0.1, 2e-3);
+  rests(many, at_origin, 2, 0, 2e-3);
+}
+
 TEST_CASE("a force that sets in wakes a body at once") {
   long calls = 0;
   const double fast = 8, slow = 1e-6;

@@ -91,6 +91,48 @@ bool is_covered(const Body<S, Shape>& body, const Pose<S>& whole, int part, cons
   return covered;
 }
 
+/// Whether all points within a gap (m) of `contact` (a Manifold), between a part of one body and a ball or a
+/// capsule, lie in another part of that body, which is nearer: the edge at a seam towards which something
+/// rolls. `of_first`: the part is of the first body of the pair.
+template <class System, class Contact>
+bool another_is_nearer(const System& system, const typename System::State& y, const Candidate& who,
+                       const PartPairOf<System>& parts, const Contact& contact,
+                       const typename System::Scalar& within, bool of_first) {
+  using S = typename System::Scalar;
+  const int i = of_first ? who.first : who.second, other = of_first ? who.second : who.first;
+  const auto& body = system[i];
+  const auto part_of = [](const auto& of, int k) -> const auto& {
+    return of.shape().parts()[static_cast<std::size_t>(k)].shape;
+  };
+  const bool round =
+      with_shape(part_of(system[other], of_first ? parts.second : parts.first), [](const auto& s) {
+        using Own = std::decay_t<decltype(s)>;
+        return std::is_same_v<Own, Sphere<S>> || std::is_same_v<Own, Capsule<S>>;
+      });
+  if (!round) return false;
+  const Pose<S> whole = shape_pose(body, y[i]);
+  const S slack = as<S>(Constants<S>::touch) * body.bounding_radius();
+  for (int k = 0; k < body.shape().size(); ++k) {
+    PartPairOf<System> with = parts;
+    int& part = of_first ? with.first : with.second;
+    if (k == part) continue;
+    part = k;
+    bool all = true;
+    each_point(contact, [&](int, const Vec3<S>& point, const S& gap) {
+      if (!all || !(gap <= within)) return;
+      const Vec3<S> half = S(as<S>(of_first ? -0.5 : 0.5) * gap) * contact.normal;
+      all = holds(part_of(body, k), part_pose(whole, body.shape().placed()[static_cast<std::size_t>(k)]),
+                  point + half, slack);
+    });
+    if (!all) continue;
+    bool nearer = false;
+    with_part_manifold(system, y, who.first, who.second, with,
+                       [&](const auto& m, auto) { nearer = m.separation < contact.separation; });
+    if (nearer) return true;
+  }
+  return false;
+}
+
 /// Whether two parts have points within a gap (m), as `contact` (a Manifold) says, but all of them where one
 /// of the two is covered by other parts of its body: on a face between two parts, say, which is no surface of
 /// the whole. What slides over a seam would stop there. Planes cover nothing.
@@ -114,7 +156,8 @@ bool meets_covered(const System& system, const typename System::State& y, const 
       all = is_covered(b, pose_b, parts.second, point + half, -contact.normal, size, depth) ||
             is_covered(a, pose_a, parts.first, point - half, contact.normal, size, depth);
     });
-    return any && all;
+    return any && (all || another_is_nearer(system, y, who, parts, contact, within, true) ||
+                   another_is_nearer(system, y, who, parts, contact, within, false));
   } else {
     return false;
   }

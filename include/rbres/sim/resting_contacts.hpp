@@ -3,6 +3,7 @@
 #include <rbres/contact/contact_memory.hpp>
 #include <rbres/contact/islands.hpp>
 #include <rbres/contact/pair_search.hpp>
+#include <rbres/sim/held_flight.hpp>
 #include <rbres/sim/island_energy.hpp>
 #include <rbres/sim/kept_islands.hpp>
 #include <rbres/sim/part_end.hpp>
@@ -44,6 +45,7 @@ class RestingContacts {
         forces_(per_body<RestingForce<S>>(system)),
         torqued_(per_body<MaskOf<S>>(system)),
         turns_(system),
+        held_(system),
         end_(per_body<Motion<S>>(system)),
         unheld_(end_),
         flown_(state_of(system)),
@@ -59,7 +61,9 @@ class RestingContacts {
       const MaskOf<S> equal = now[k] == then[k];
       same = same & equal;
     }
-    if (!all(same)) memory_.forget_unless(same);
+    if (all(same)) return;
+    memory_.forget_unless(same);
+    for (int i = 0; i < system_->size(); ++i) held_.forget(i);
   }
   void end_step(const State& y) { last_ = y; }
 
@@ -110,7 +114,7 @@ class RestingContacts {
       for (const std::size_t k : islands_[island]) {
         const Pair& pair = pairs[k];
         for (std::size_t i = 0; i < P; ++i) {
-          const S allowed = pair.still + pull.largest() * maximum(pair.manifold.gap[i], S(0));
+          const S allowed = pair.still + as<S>(1.5) * pull.closing() * maximum(pair.manifold.gap[i], S(0));
           const MaskOf<S> approaches = pair.speed[i] < -allowed;
           slow = slow | (pair.resting[i] & approaches);
         }
@@ -124,6 +128,28 @@ class RestingContacts {
       correct(motion, slow, is_moving(pairs, island));
     }
     return stopped;
+  }
+
+  /// Changes the velocities at the end of `free` flight, for find_forces(), by what is known of it: see
+  /// HeldFlight.
+  void expect_held(const Motions& motion, State& free) {
+    for (const int i : bodies_) {
+      if (any(moves(i)) && !is_moving(i, motion[index(i)])) {
+        held_.expect(i, free[i]);
+      } else {
+        held_.forget(i);
+      }
+    }
+  }
+  /// The forces that find_forces() found have taken the bodies to `flown`. False where `free` was as it had
+  /// to be for them.
+  bool learn_held(const Motions& motion, const State& flown, State& free) {
+    bool news = false;
+    for (const int i : bodies_) {
+      if (any(moves(i)) && !is_moving(i, motion[index(i)]))
+        news |= held_.learn(i, motion[index(i)], unheld_[index(i)], end_[index(i)], flown[i], free[i]);
+    }
+    return news;
   }
 
   /// Finds the constant forces with which no resting point approaches when `left` is over, where the bodies
@@ -331,6 +357,7 @@ class RestingContacts {
   Forces forces_;
   PerBody<MaskOf<S>, System::bodies> torqued_;  ///< whether other forces turn it
   RestingTurns<System> turns_;
+  HeldFlight<System> held_;
   Motions end_;             ///< at the end of a part
   Motions unheld_;          ///< the same without the contacts' forces
   State flown_;             ///< where these forces have taken the bodies

@@ -4,7 +4,7 @@
 
 namespace rbres::RBRES_ABI::detail {
 
-/// At which rates (1/s) resting contacts close their gaps and open their overlaps.
+/// At which rates (1/s) resting contacts close their gaps, and, slower, open their overlaps.
 template <class S>
 struct ClosingRate {
   S in_step;  ///< over a whole step
@@ -12,6 +12,7 @@ struct ClosingRate {
   S slack;    ///< overlaps that stay as they are, as a share of the smaller bounding radius
 
   S largest() const { return maximum(in_step, in_part); }
+  S closing() const { return maximum(S(as<S>(3.0) * in_step), in_part); }
 };
 
 /// Marks the points of a pair that rest: those that are close and slow.
@@ -35,8 +36,10 @@ S closing_speed(const Pair& pair, const typename Pair::Contact& contact, std::si
                 const ClosingRate<S>& pull) {
   const S depth = maximum(S(-contact.gap[i] - pull.slack * pair.size), S(0)), share = depth / pair.size;
   const S fastest = as<S>(0.3) * pair.speed_scale * positive_root(S(share + S(Constants<S>::tiny)));
-  const S opens = maximum(minimum(S(pull.in_step * depth), fastest), S(pull.in_part * depth));
-  return select(contact.gap[i] > S(0), S(-pull.largest() * contact.gap[i]), opens);
+  // As fast as gaps close where overlaps are so small: the speeds of a face's points agree then.
+  const S share_in_step = depth + as<S>(2.0) * minimum(depth, pair.touch);
+  const S opens = maximum(minimum(S(pull.in_step * share_in_step), fastest), S(pull.in_part * depth));
+  return select(contact.gap[i] > S(0), S(-pull.closing() * contact.gap[i]), opens);
 }
 
 }  // namespace rbres::RBRES_ABI::detail

@@ -257,13 +257,14 @@ class SleepingIslands {
     each([&](int i) {
       const S size = (*system_)[i].bounding_radius(), scale = speed_scale(size);
       const S still = S(8) * as<S>(Constants<S>::solved) * scale;
-      const bool rounding = norm(y[i].velocity) + size * norm(y[i].angular_velocity) <= still;
+      const S speed = norm(y[i].velocity) + size * norm(y[i].angular_velocity);
+      const bool rounding = speed <= still, slow = speed <= as<S>(1e-9) * scale;
       S& time = data_.quiet[index(i)];
-      if (!data_.counted[index(i)]) time = rounding ? time + seconds : S(0);
+      if (!data_.counted[index(i)]) time = slow ? time + seconds : S(0);
       data_.counted[index(i)] = true;
       lay = lay && rounding && data_.lies_down[index(i)] && stays(i, y, size, still * seconds);
       // The time of a fall as deep as the body is large: a body that speeds up is faster then.
-      quiet = quiet && time >= as<S>(0.1) * scale;
+      quiet = quiet && rounding && time >= as<S>(0.1) * scale;
     });
     for (const std::size_t k : island) {
       const Rest& rest = data_.rests[k];

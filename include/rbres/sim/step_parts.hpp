@@ -192,7 +192,10 @@ class StepParts {
         fly_to(free_, forces, integrator, y, now, ahead);
         sleeping_.hold(bodies_, y, free_);
       }
-      if (resting) resting_.find_forces(pairs, y, motion_, free_, ahead, pull);
+      if (resting) {
+        if constexpr (SleepingIslands<System>::possible) resting_.expect_held(motion_, free_);
+        resting_.find_forces(pairs, y, motion_, free_, ahead, pull);
+      }
       const auto go = [&](const S& time) {
         const auto push = [&](const RigidState<S>& state, int i, const S& at, const Wrench<S>& wrench) {
           const auto& c = resting_.forces()[static_cast<std::size_t>(i)];
@@ -213,6 +216,12 @@ class StepParts {
       // Advance to the next impact.
       if (resting) {
         go(ahead);
+        if constexpr (SleepingIslands<System>::possible) {
+          for (int round = 0; round < 8 && resting_.learn_held(motion_, part_end_, free_); ++round) {
+            resting_.find_forces(pairs, y, motion_, free_, ahead, pull);
+            go(ahead);
+          }
+        }
       } else {
         for (const int i : bodies_) part_end_[i] = free_[i];
       }
