@@ -145,8 +145,43 @@ TEST_CASE("bodies come to rest in a fluid, whose drag of a fall is not that of a
     rests(few, SystemState<double, 4>{}, 0, 30, h);
     rests(few, SystemState<double, 4>{}, 2, 0, h);
   }
+  rests(few, SystemState<double, 4>{}, 200, 0, 2e-3);
   rests(many, at_origin, 0, 0.1, 2e-3);
   rests(many, at_origin, 2, 0, 2e-3);
+}
+
+TEST_CASE("in a damper, however stiff, a body on a slope sticks, or slides as fast as its velocity says") {
+  using World = System<double, 1, Box<double>>;
+  const Material<double> material{.restitution = 0, .friction = 0.3};
+  const World system{{Body(Box{0.1, 0.1, 0.03}, 1.0, material)}, {floor_plane(material)}};
+  for (const double step : {1e-3, 1e-2}) {
+    for (const double damping : {0.1 / step, 0.8 / step, 1.5 / step, 1.0}) {
+      for (const double beyond : {-1e-3, 1e-6}) {  // the angle of friction
+        CAPTURE(step);
+        CAPTURE(damping);
+        CAPTURE(beyond);
+        const double angle = std::atan(0.3) + beyond;
+        const auto force = [&](const auto& body, const auto& y, int, double) {
+          return Wrench<double>{body.mass() * (9.81 * Vec3<double>{std::sin(angle), 0, -std::cos(angle)} -
+                                               damping * y.velocity),
+                                {}};
+        };
+        SystemState<double, 1> y;
+        y[0].position.z = 0.03;
+        Stepper stepper(system, force, Rk4{}, {.step = step});
+        const int steps = static_cast<int>(4 / step);
+        double from = 0;
+        for (int k = 0; k < steps; ++k) {
+          if (k == steps - 1) from = y[0].position.x;
+          stepper.step(y, k * step, step);
+        }
+        CHECK(std::abs(y[0].position.z - 0.03) < 1e-11);
+        const double speed = (y[0].position.x - from) / step;
+        if (beyond < 0) CHECK(std::abs(y[0].position.x) < 1e-6);
+        CHECK(std::abs(y[0].velocity.x - speed) < 1e-2 * std::abs(speed) + 1e-12);
+      }
+    }
+  }
 }
 
 TEST_CASE("a force that sets in wakes a body at once") {

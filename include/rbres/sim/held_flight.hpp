@@ -12,7 +12,8 @@ class HeldFlight {
   using S = typename System::Scalar;
 
  public:
-  explicit HeldFlight(const System& system) : system_(&system), change_(per_body<Change>(system)) {}
+  explicit HeldFlight(const System& system)
+      : system_(&system), in_crowd_(is_crowd(system)), change_(per_body<Change>(system)), last_(change_) {}
 
   void forget(int i) { change_[index(i)] = {}; }
 
@@ -21,30 +22,44 @@ class HeldFlight {
 
   /// The contacts' forces were to take body i, which began a part in the motion `start`, to `end` instead of
   /// `unheld`, and have taken it to `flown`: changes the velocities of `free` such that this is foreseen.
-  /// False where they are as they were, but for what contacts are solved to.
+  /// False where they are as they were, but for what contacts are solved to. `again`: these are the forces
+  /// that were found with what the last call has foreseen.
   bool learn(int i, const Motion<S>& start, const Motion<S>& unheld, const Motion<S>& end,
-             const RigidState<S>& flown, RigidState<S>& free) {
+             const RigidState<S>& flown, RigidState<S>& free, bool again) {
     const S size = (*system_)[i].bounding_radius();
-    const auto square_of = [&](const Vec3<S>& v, const Vec3<S>& w) {
-      return squared_norm(v) + square(size) * squared_norm(w);
+    const auto product = [&](const Change& a, const Change& b) {
+      return dot(a.velocity, b.velocity) + square(size) * dot(a.spin, b.spin);
     };
-    const S moves = square_of(start.velocity, start.angular_velocity);
-    const S held = square_of(end.velocity - unheld.velocity, end.angular_velocity - unheld.angular_velocity);
+    const auto square_of = [&](const Vec3<S>& v, const Vec3<S>& w) {
+      return product(Change{v, w}, Change{v, w});
+    };
     const S solved = square(S(as<S>(Constants<S>::solved) * speed_scale(size)));
+    const S held = square_of(end.velocity - unheld.velocity, end.angular_velocity - unheld.angular_velocity);
+    // In a crowd what is little beside the motion of a body is not worth it.
+    const S moves = in_crowd_ ? S(as<S>(0.25) * square_of(start.velocity, start.angular_velocity)) : S(0);
     Change& known = change_[index(i)];
+    Change& last = last_[index(i)];
     Change all{
         known.velocity + (flown.velocity - end.velocity),
         known.spin + rotate_back(free.orientation, flown.angular_velocity_world() - end.angular_velocity)};
-    const S size_of_all = square_of(all.velocity, all.spin);
-    // What is little beside the motion of the body keeps it from nothing. Where forces change more than that,
-    // as of a stiff damper, to foresee it may make it worse.
-    const bool counts =
-        size_of_all > maximum(solved, S(as<S>(0.25) * moves)) && size_of_all < as<S>(0.01) * held;
-    if (!counts) all = {};
-    const Change news{all.velocity - known.velocity, all.spin - known.spin};
-    if (!(square_of(news.velocity, news.spin) > solved)) return false;
+    const S size_of_all = product(all, all);
+    // Where forces change by more than they are, to foresee it may make it worse.
+    if (!(size_of_all > maximum(solved, moves) && size_of_all < as<S>(0.5) * held)) all = {};
+    Change news{all.velocity - known.velocity, all.spin - known.spin};
+    if (!(product(news, news) > solved)) {
+      last = {};
+      return false;
+    }
+    // Each time as much less as the time before: straight to the limit (Aitken 1926).
+    const S before = again ? product(last, last) : S(0),
+            share = product(news, last) / maximum(before, solved);
+    if (before > S(0) && square(share) < as<S>(0.64)) {
+      const S onward = S(1) / (S(1) - share);
+      news = {onward * news.velocity, onward * news.spin};
+    }
+    last = news;
     news.add_to(free);
-    known = all;
+    known = {known.velocity + news.velocity, known.spin + news.spin};
     return true;
   }
 
@@ -60,7 +75,9 @@ class HeldFlight {
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
   const System* system_;
+  bool in_crowd_;
   PerBody<Change, System::bodies> change_;  ///< of the velocities at the end of a part
+  PerBody<Change, System::bodies> last_;    ///< how learn() has changed that
 };
 
 }  // namespace rbres::RBRES_ABI::detail

@@ -142,12 +142,13 @@ class RestingContacts {
     }
   }
   /// The forces that find_forces() found have taken the bodies to `flown`. False where `free` was as it had
-  /// to be for them.
-  bool learn_held(const Motions& motion, const State& flown, State& free) {
+  /// to be for them. `again`: see HeldFlight.
+  bool learn_held(const Motions& motion, const State& flown, State& free, bool again) {
     bool news = false;
     for (const int i : bodies_) {
-      if (any(moves(i)) && !is_moving(i, motion[index(i)]))
-        news |= held_.learn(i, motion[index(i)], unheld_[index(i)], end_[index(i)], flown[i], free[i]);
+      if (!any(moves(i)) || is_moving(i, motion[index(i)])) continue;
+      const Motion<S>&unheld = unheld_[index(i)], &end = end_[index(i)];
+      news |= held_.learn(i, motion[index(i)], unheld, end, flown[i], free[i], again);
     }
     return news;
   }

@@ -217,7 +217,8 @@ class StepParts {
       if (resting) {
         go(ahead);
         if constexpr (SleepingIslands<System>::possible) {
-          for (int round = 0; round < 8 && resting_.learn_held(motion_, part_end_, free_); ++round) {
+          for (int round = 0;
+               round < most_rounds && resting_.learn_held(motion_, part_end_, free_, round > 0); ++round) {
             resting_.find_forces(pairs, y, motion_, free_, ahead, pull);
             go(ahead);
           }
@@ -274,6 +275,8 @@ class StepParts {
   /// How deep bodies of a heap may be in one another before they have an impact, as a share of their size:
   /// so dozens of impacts that are due within one step are resolved a few times together.
   static constexpr double heap_sinking = 1e-4;
+  /// In which forces are found again for bodies that are held.
+  static constexpr int most_rounds = 8;
 
   /// Whether a body's forces depend on nothing but itself: else none sleeps.
   template <class Model>
