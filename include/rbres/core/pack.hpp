@@ -176,24 +176,24 @@ struct Pack {
   /// A copy, see in_register of a scalar.
   friend Pack in_register(Pack a) { return {a.v}; }
   /// The square roots, NaN of negative numbers.
-  friend Pack sqrt(Pack a) {
+  [[gnu::always_inline]] friend Pack sqrt(Pack a) {
     return by_register(a, [](auto part) { return detail::sqrt_of(part); });
   }
 #if defined(__AVX512F__)
-  friend Pack inverse(Pack a) requires(std::is_same_v<T, float>) {
+  [[gnu::always_inline]] friend Pack inverse(Pack a) requires(std::is_same_v<T, float>) {
     return by_register(a, [](auto part) { return detail::inverse_of(part); });
   }
-  friend Pack positive_root(Pack a) requires(std::is_same_v<T, float>) {
+  [[gnu::always_inline]] friend Pack positive_root(Pack a) requires(std::is_same_v<T, float>) {
     return by_register(a, [](auto part) { return detail::positive_sqrt_of(part); });
   }
-  friend Pack inverse_root(Pack a) requires(std::is_same_v<T, float>) {
+  [[gnu::always_inline]] friend Pack inverse_root(Pack a) requires(std::is_same_v<T, float>) {
     return by_register(a, [](auto part) { return detail::inverse_sqrt_of(part); });
   }
 #endif
 
  private:
   template <class F>
-  static Pack by_register(Pack a, const F& f) {
+  [[gnu::always_inline]] static Pack by_register(Pack a, const F& f) {
     auto parts = detail::split<T>(a.v);
     for (auto& part : parts) part = f(part);
     std::memcpy(&a.v, &parts, sizeof a.v);
