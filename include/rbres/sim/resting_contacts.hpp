@@ -114,7 +114,7 @@ class RestingContacts {
       for (const std::size_t k : islands_[island]) {
         const Pair& pair = pairs[k];
         for (std::size_t i = 0; i < P; ++i) {
-          const S allowed = pair.still + pull.left() * maximum(pair.manifold.gap[i], S(0));
+          const S allowed = pair.still + pull.largest() * maximum(pair.manifold.gap[i], S(0));
           const MaskOf<S> approaches = pair.speed[i] < -allowed;
           slow = slow | (pair.resting[i] & approaches);
         }

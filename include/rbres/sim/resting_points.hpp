@@ -7,18 +7,11 @@ namespace rbres::RBRES_ABI::detail {
 /// At which rates (1/s) resting contacts close their gaps and open their overlaps.
 template <class S>
 struct ClosingRate {
-  /// Gaps close so many times as fast as overlaps open: bodies come to rest sooner. In float it would make
-  /// energy.
-  static constexpr double haste = std::is_same_v<typename Constants<S>::Real, float> ? 1 : 3;
-
   S in_step;  ///< over a whole step
   S in_part;  ///< where its parts must be short; else 0
   S slack;    ///< overlaps that stay as they are, as a share of the smaller bounding radius
 
   S largest() const { return maximum(in_step, in_part); }
-  S closing() const { return maximum(S(as<S>(haste) * in_step), in_part); }
-  /// The speed over the gap that a part leaves which closes it.
-  S left() const { return as<S>(haste > 1 ? 1.5 : 1) * closing(); }
 };
 
 /// Marks the points of a pair that rest: those that are close and slow.
@@ -42,10 +35,8 @@ S closing_speed(const Pair& pair, const typename Pair::Contact& contact, std::si
                 const ClosingRate<S>& pull) {
   const S depth = maximum(S(-contact.gap[i] - pull.slack * pair.size), S(0)), share = depth / pair.size;
   const S fastest = as<S>(0.3) * pair.speed_scale * positive_root(S(share + S(Constants<S>::tiny)));
-  // As fast as gaps close where overlaps are so small: the speeds of a face's points agree then.
-  const S share_in_step = depth + as<S>(ClosingRate<S>::haste - 1) * minimum(depth, pair.touch);
-  const S opens = maximum(minimum(S(pull.in_step * share_in_step), fastest), S(pull.in_part * depth));
-  return select(contact.gap[i] > S(0), S(-pull.closing() * contact.gap[i]), opens);
+  const S opens = maximum(minimum(S(pull.in_step * depth), fastest), S(pull.in_part * depth));
+  return select(contact.gap[i] > S(0), S(-pull.largest() * contact.gap[i]), opens);
 }
 
 }  // namespace rbres::RBRES_ABI::detail
