@@ -100,17 +100,15 @@ bool another_is_nearer(const System& system, const typename System::State& y, co
                        const typename System::Scalar& within, bool of_first) {
   using S = typename System::Scalar;
   const int i = of_first ? who.first : who.second, other = of_first ? who.second : who.first;
-  const auto& body = system[i];
-  const auto part_of = [](const auto& of, int k) -> const auto& {
-    return of.shape().parts()[static_cast<std::size_t>(k)].shape;
-  };
-  const bool round =
-      with_shape(part_of(system[other], of_first ? parts.second : parts.first), [](const auto& s) {
-        using Own = std::decay_t<decltype(s)>;
-        return std::is_same_v<Own, Sphere<S>> || std::is_same_v<Own, Capsule<S>>;
-      });
+  const bool round = with_part(system[other], y[other], of_first ? parts.second : parts.first,
+                               [](const auto& shape, const auto&) {
+                                 return with_shape(shape, [](const auto& s) {
+                                   using Own = std::decay_t<decltype(s)>;
+                                   return std::is_same_v<Own, Sphere<S>> || std::is_same_v<Own, Capsule<S>>;
+                                 });
+                               });
   if (!round) return false;
-  const Pose<S> whole = shape_pose(body, y[i]);
+  const auto& body = system[i];
   const S slack = as<S>(Constants<S>::touch) * body.bounding_radius();
   for (int k = 0; k < body.shape().size(); ++k) {
     PartPairOf<System> with = parts;
@@ -118,11 +116,12 @@ bool another_is_nearer(const System& system, const typename System::State& y, co
     if (k == part) continue;
     part = k;
     bool all = true;
-    each_point(contact, [&](int, const Vec3<S>& point, const S& gap) {
-      if (!all || !(gap <= within)) return;
-      const Vec3<S> half = S(as<S>(of_first ? -0.5 : 0.5) * gap) * contact.normal;
-      all = holds(part_of(body, k), part_pose(whole, body.shape().placed()[static_cast<std::size_t>(k)]),
-                  point + half, slack);
+    with_part(body, y[i], k, [&](const auto& shape, const Pose<S>& pose) {
+      each_point(contact, [&](int, const Vec3<S>& point, const S& gap) {
+        if (!all || !(gap <= within)) return;
+        const Vec3<S> half = S(as<S>(of_first ? -0.5 : 0.5) * gap) * contact.normal;
+        all = holds(shape, pose, point + half, slack);
+      });
     });
     if (!all) continue;
     bool nearer = false;

@@ -30,13 +30,11 @@ class HeldFlight {
     const auto product = [&](const Change& a, const Change& b) {
       return dot(a.velocity, b.velocity) + square(size) * dot(a.spin, b.spin);
     };
-    const auto square_of = [&](const Vec3<S>& v, const Vec3<S>& w) {
-      return product(Change{v, w}, Change{v, w});
-    };
     const S solved = square(S(as<S>(Constants<S>::solved) * speed_scale(size)));
-    const S held = square_of(end.velocity - unheld.velocity, end.angular_velocity - unheld.angular_velocity);
+    const Change held{end.velocity - unheld.velocity, end.angular_velocity - unheld.angular_velocity};
+    const Change begin{start.velocity, start.angular_velocity};
     // In a crowd what is little beside the motion of a body is not worth it.
-    const S moves = in_crowd_ ? S(as<S>(0.25) * square_of(start.velocity, start.angular_velocity)) : S(0);
+    const S moves = in_crowd_ ? S(as<S>(0.25) * product(begin, begin)) : S(0);
     Change& known = change_[index(i)];
     Change& last = last_[index(i)];
     Change all{
@@ -44,7 +42,7 @@ class HeldFlight {
         known.spin + rotate_back(free.orientation, flown.angular_velocity_world() - end.angular_velocity)};
     const S size_of_all = product(all, all);
     // Where forces change by more than they are, to foresee it may make it worse.
-    if (!(size_of_all > maximum(solved, moves) && size_of_all < as<S>(0.5) * held)) all = {};
+    if (!(size_of_all > maximum(solved, moves) && size_of_all < as<S>(0.5) * product(held, held))) all = {};
     Change news{all.velocity - known.velocity, all.spin - known.spin};
     if (!(product(news, news) > solved)) {
       last = {};
@@ -65,7 +63,7 @@ class HeldFlight {
 
  private:
   struct Change {
-    Vec3<S> velocity, spin;  ///< m/s; rad/s in the body's frame
+    Vec3<S> velocity, spin;  ///< m/s; rad/s, of what is kept in the body's frame
 
     void add_to(RigidState<S>& body) const {
       body.velocity += velocity;

@@ -134,7 +134,7 @@ class RestingContacts {
   /// HeldFlight.
   void expect_held(const Motions& motion, State& free) {
     for (const int i : bodies_) {
-      if (any(moves(i)) && !is_moving(i, motion[index(i)])) {
+      if (nearly_rests(i, motion)) {
         held_.expect(i, free[i]);
       } else {
         held_.forget(i);
@@ -146,7 +146,7 @@ class RestingContacts {
   bool learn_held(const Motions& motion, const State& flown, State& free, bool again) {
     bool news = false;
     for (const int i : bodies_) {
-      if (!any(moves(i)) || is_moving(i, motion[index(i)])) continue;
+      if (!nearly_rests(i, motion)) continue;
       const Motion<S>&unheld = unheld_[index(i)], &end = end_[index(i)];
       news |= held_.learn(i, motion[index(i)], unheld, end, flown[i], free[i], again);
     }
@@ -308,6 +308,9 @@ class RestingContacts {
     const S size = (*system_)[i].bounding_radius(), slow = as<S>(1e-3) * speed_scale(size);
     return any(squared_norm(motion.velocity) + square(size) * squared_norm(motion.angular_velocity) >
                square(slow));
+  }
+  bool nearly_rests(int i, const Motions& motion) const {
+    return any(moves(i)) && !is_moving(i, motion[index(i)]);
   }
   /// Whether an island of a crowd is in motion: what its contacts do wrong then is soon over.
   bool is_moving(const Pairs& pairs, std::size_t island) const {
