@@ -42,6 +42,7 @@ class RestingContacts {
         kept_(system),
         rests_(per_body<MaskOf<S>>(system)),
         moving_(per_body<bool>(system)),
+        island_moves_(moving_),
         forces_(per_body<RestingForce<S>>(system)),
         torqued_(per_body<MaskOf<S>>(system)),
         turns_(system),
@@ -99,9 +100,13 @@ class RestingContacts {
       }
       islands_.add(k, pair.moved.first, pair.moved.second);
     }
-    if (found) islands_.group(Packed<S>);
-    if (!found) kept_.clear(bodies_);
-    return found;
+    if (!found) {
+      kept_.clear(bodies_);
+      return false;
+    }
+    islands_.group(Packed<S>);
+    if (in_crowd_) note_moving_islands(pairs);
+    return true;
   }
 
   /// Slow approaches of resting points end at once, without bounce: changes the velocities in `motion`.
@@ -142,13 +147,15 @@ class RestingContacts {
     }
   }
   /// The forces that find_forces() found have taken the bodies to `flown`. False where `free` was as it had
-  /// to be for them. `again`: see HeldFlight.
+  /// to be for them, or where it is not worth it to find them again: in islands of a crowd that move, this
+  /// is for the next part alone. `again`: see HeldFlight.
   bool learn_held(const Motions& motion, const State& flown, State& free, bool again) {
     bool news = false;
     for (const int i : bodies_) {
       if (!nearly_rests(i, motion)) continue;
       const Motion<S>&unheld = unheld_[index(i)], &end = end_[index(i)];
-      news |= held_.learn(i, motion[index(i)], unheld, end, flown[i], free[i], again);
+      const bool more = held_.learn(i, motion[index(i)], unheld, end, flown[i], free[i], again);
+      news |= more && !(in_crowd_ && island_moves_[index(i)]);
     }
     return news;
   }
@@ -314,8 +321,19 @@ class RestingContacts {
   }
   /// Whether an island of a crowd is in motion: what its contacts do wrong then is soon over.
   bool is_moving(const Pairs& pairs, std::size_t island) const {
-    return in_crowd_ && std::any_of(islands_[island].begin(), islands_[island].end(),
-                                    [&](std::size_t k) { return is_moving(pairs[k]); });
+    return in_crowd_ && island_moves_[index(pairs[islands_[island].front()].moved.second)];
+  }
+  void note_moving_islands(const Pairs& pairs) {
+    for (std::size_t island = 0; island < islands_.count(); ++island) {
+      const auto members = islands_[island];
+      const bool moves =
+          std::any_of(members.begin(), members.end(), [&](std::size_t k) { return is_moving(pairs[k]); });
+      for (const std::size_t k : members) {
+        for (const int body : {pairs[k].moved.first, pairs[k].moved.second}) {
+          if (body >= 0) island_moves_[index(body)] = moves;
+        }
+      }
+    }
   }
   bool is_moving(const Pair& pair) const {
     const auto& [first, second] = pair.moved;
@@ -357,7 +375,8 @@ class RestingContacts {
   KeptIslands<System> kept_;
   bool within_step_ = false;  ///< whether an impact in a crowd has ended the part before
   PerBody<MaskOf<S>, System::bodies> rests_;
-  PerBody<bool, System::bodies> moving_;  ///< where a part begins, in a crowd
+  PerBody<bool, System::bodies> moving_;        ///< where a part begins, in a crowd
+  PerBody<bool, System::bodies> island_moves_;  ///< whether a body of its island does, where it has one
   Forces forces_;
   PerBody<MaskOf<S>, System::bodies> torqued_;  ///< whether other forces turn it
   RestingTurns<System> turns_;
