@@ -6,6 +6,7 @@
 #include <rbres/learn/spring_damper.hpp>
 
 #include "common/command_line.hpp"
+#include "common/files.hpp"
 #include "contacts/learn.hpp"
 #include "contacts/score.hpp"
 
@@ -23,7 +24,7 @@ struct Options {
   int scenes = 0;
   std::uint64_t seed = 0;
   double minutes = 10;
-  bool json = false;
+  bool json = false, force = false;
 };
 
 void say(const char* what) { std::fprintf(stderr, "%s\n", what); }
@@ -98,32 +99,33 @@ void print(const std::vector<Row>& rows, bool json) {
                 row.rotation, row.us_per_frame);
 }
 
-/// The scenes to train on. Error where nothing can be learned from them.
-TrajectorySet read_training_scenes(const std::filesystem::path& folder, int most) {
-  TrajectorySet train = read_trajectories(folder);
-  if (most > 0) train = train.subset(0, most);
-  const std::string name = folder.string();
-  if (contacts_program::horizons(train).empty())
-    detail::refuse(name, "scenes of at least 6 frames", "shorter ones");
-  if (train.size() < 2) detail::refuse(name, "at least 2 scenes", train.size());
-  return train;
+/// The first `most` scenes of a folder, all where it is 0. Error where no horizon fits into them.
+TrajectorySet read_scenes(const std::filesystem::path& folder, int most = 0) {
+  TrajectorySet set = read_trajectories(folder);
+  if (most > 0) set = set.subset(0, most);
+  if (contacts_program::horizons(set).empty())
+    detail::refuse(folder.string(), "scenes of at least 6 frames", "shorter ones");
+  return set;
 }
 
 void run(const Options& options) {
   const Deadline deadline(options.minutes);
   const std::filesystem::path folder = options.folder;
-  const TrajectorySet train = read_training_scenes(folder / "train", options.scenes);
+  const TrajectorySet train = read_scenes(folder / "train", options.scenes);
+  if (train.size() < 2) detail::refuse((folder / "train").string(), "at least 2 scenes", train.size());
   const Parts parts(train);
   const TrajectorySet &fit = parts.fit, &choose = parts.choose;
   detail::naming([&] { return (folder / "train").string() + ", "; }, [&] { return untrained_law<Law>(fit); });
 
-  // Its scenes are read after training; that it does not fit is said before.
-  const double frame_time = read_frame_time(folder / "test");
-  if (std::abs(frame_time - train.frame_time()) > 1e-9 * train.frame_time())
+  const TrajectorySet test = read_scenes(folder / "test");
+  if (std::abs(test.frame_time() - train.frame_time()) > 1e-9 * train.frame_time())
     detail::refuse((folder / "test").string() + ", frame time",
-                   detail::text(train.frame_time(), " s, as in train"), frame_time);
+                   detail::text(train.frame_time(), " s, as in train"), test.frame_time());
   std::optional<AtomicFile> model;
-  if (!options.model.empty()) model.emplace(options.model);
+  if (!options.model.empty()) {
+    refuse_taken("--model", options.model, options.force);
+    model.emplace(options.model);
+  }
 
   const Worlds worlds = identify_worlds(fit, choose);
   say("spring-damper");
@@ -141,9 +143,6 @@ void run(const Options& options) {
   say("hybrid");
   const Hybrid hybrid = learn_hybrid(fit, choose, worlds.one_step, options.seed, deadline);
 
-  const TrajectorySet test = read_trajectories(folder / "test");
-  if (contacts_program::horizons(test).empty())
-    detail::refuse((folder / "test").string(), "scenes of at least 6 frames", "shorter ones");
   std::vector<Row> rows;
   const auto add = [&](const char* name, const auto& make) {
     int failed = 0;
@@ -183,6 +182,7 @@ int main(int argc, char** argv) {
   number(app, "--minutes", options.minutes, 1e-3, 1e6,
          "for all; of what fits leave, the hybrid has three tenths");
   app.add_option("--model", options.model, "save the learned law to this file");
+  flag(app, "--force", options.force, "overwrite it");
   flag(app, "--json", options.json, "print a JSON array instead of the table");
   return run_program("rbres_contacts", app, argc, argv, [&] { run(options); });
 }

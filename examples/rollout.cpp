@@ -26,8 +26,7 @@ struct Options {
 /// Refuses to overwrite unasked, and files that cannot be written.
 void check_files(const Options& options) {
   for (const auto& file : {options.prediction_file(), options.truth_file(), options.scene_file()}) {
-    if (!options.force && is_taken(file))
-      throw Error("--out: " + file + " exists and would be overwritten; --force overwrites it");
+    refuse_taken("--out", file, options.force);
     const AtomicFile writable(file);
   }
 }

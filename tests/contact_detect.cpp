@@ -177,6 +177,32 @@ TEST_CASE("a capsule lies on a plane and on a box with both ends") {
   for (std::size_t i = 0; i < 3; ++i) CHECK(std::abs(on_box.gap[i]) < 1e-15);
 }
 
+TEST_CASE("a capsule that lies across a face or an edge touches where it leaves them, however it is turned") {
+  const Capsule<double> capsule{0.1, 0.5};
+  const Box<double> box{0.2, 0.3, 0.15};
+  const Quat<double> along_x{0, std::sqrt(0.5), 0, std::sqrt(0.5)};
+  const auto touches = [&](const Vec3<double>& above, double first, double last) {
+    for (const double yaw : {0.0, 0.3, -2.0}) {
+      CAPTURE(yaw);
+      const Quat<double> turn = quaternion_exp(Vec3<double>{0.1, yaw, 0.2});
+      const auto pb = pose({0.3, -0.2, 0.1}, turn);
+      const auto m = detect(capsule, pose(pb.position + pb.axes * above, turn * along_x), box, pb);
+      std::array<double, 3> at{};
+      for (std::size_t i = 0; i < 3; ++i) {
+        CHECK(std::abs(m.gap[i]) < 1e-12);
+        at[i] = dot(pb.axes.x, m.point[i] - pb.position);
+      }
+      std::sort(at.begin(), at.end());
+      CHECK(at[0] == doctest::Approx(first));
+      CHECK(at[2] == doctest::Approx(last));
+    }
+  };
+  touches({0, 0, 0.25}, -0.2, 0.2);                  // a face, both ends beyond it
+  touches({0.4, 0.1, 0.25}, -0.1, 0.2);              // one end
+  touches({0, 0.3 + 0.06, 0.15 + 0.08}, -0.2, 0.2);  // an edge
+  touches({-0.45, -0.3 - 0.08, -0.15 - 0.06}, -0.2, 0.05);
+}
+
 TEST_CASE("a ball inside a box is pushed out of the nearest face") {
   const auto m =
       detect(Box<double>{0.5, 0.5, 0.5}, pose({0, 0, 0}), Sphere<double>{0.1}, pose({0.4, 0.1, 0}));

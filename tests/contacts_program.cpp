@@ -132,6 +132,15 @@ TEST_CASE("folders that do not fit are refused on one line") {
   write_trajectories(folder / "good/test", throws(2, 8, 2));
   CHECK(
       contains(refusal(folder, RBRES_CONTACTS, "good --model none/law.safetensors"), "none/law.safetensors"));
+  write_bytes(folder / "mine.npy", "mine");
+  CHECK(contains(refusal(folder, RBRES_CONTACTS, "good --model mine.npy"),
+                 "--model: mine.npy exists and would be overwritten; --force overwrites it"));
+  CHECK(read_bytes(folder / "mine.npy") == "mine");
+  // Test scenes that are broken are so before anything is learned, too.
+  bytes = read_bytes(folder / "good/test/states.npy");
+  bytes.resize(bytes.size() - 8);
+  write_bytes(folder / "good/test/states.npy", bytes);
+  CHECK(contains(refusal(folder, RBRES_CONTACTS, "good --minutes 1000"), "good/test/states.npy"));
 }
 
 #ifdef RBRES_CONTACTS_MUJOCO

@@ -338,9 +338,9 @@ TEST_CASE("what cannot be exported as a header is refused") {
   const TemporaryFolder folder;
   const auto path = folder / "model.hpp";
   Small model(42);
-  for (const char* name :
-       {"",     "3d",  "a-b",   "a::b",  "a b",    "class", "int",  "namespace", "co_await", "xor_eq",
-        "main", "std", "std23", "rbres", "_model", "_X",    "a__b", "NULL",      "M_PI",     "errno"})
+  for (const char* name : {"",         "3d",     "a-b",  "a::b",  "a b",  "class", "int",   "namespace",
+                           "co_await", "xor_eq", "main", "linux", "unix", "std",   "std23", "rbres",
+                           "_model",   "_X",     "a__b", "NULL",  "M_PI", "errno"})
     CHECK(contains(error_of([&] { export_header(model, path, name); }),
                    "expected a name of letters, digits and _"));
   model.parameters()[0] = std::numeric_limits<float>::infinity();

@@ -32,12 +32,12 @@ Trajectory drop(const Bodies& bodies, std::uint64_t seed, int frames) {
            [&](double, const auto& now) { states.insert(states.end(), now.body.begin(), now.body.end()); });
   return {{bodies.begin(), bodies.end()}, states};
 }
-TrajectorySet drops(int scenes, std::uint64_t seed) {
+TrajectorySet drops(int scenes, std::uint64_t seed, int frames = 50) {
   const Material<double> material{0.4, 0.5};
   const std::array<Body<double>, 2> bodies{Body<double>{Sphere{0.1}, 1.0, material},
                                            Body<double>{Box{0.08, 0.1, 0.12}, 2.0, material}};
   std::vector<Trajectory> all;
-  for (int s = 0; s < scenes; ++s) all.push_back(drop(bodies, seed + static_cast<std::uint64_t>(s), 50));
+  for (int s = 0; s < scenes; ++s) all.push_back(drop(bodies, seed + static_cast<std::uint64_t>(s), frames));
   return {0.01, {0, 0, -9.81}, {floor_plane(material)}, all};
 }
 
@@ -104,6 +104,21 @@ TEST_CASE("learning that makes no sense is refused") {
   CHECK_THROWS_AS(learn_contacts<Law>(set, set, {.stages = {}}), Error);
   CHECK_THROWS_AS(learn_contacts<Law>(set, set, {.stages = {{1, 1, 0, 8}}}), Error);
   CHECK_THROWS_AS(learn_contacts<Law>(set, set, {.learning_rate = 0}), Error);
+  // Scenes that the last stage finds too short are so before the first.
+  const ContactLearning two_stages{.stages = {{1, 1, 1, 8}, {20, 1, 1, 8}}};
+  const auto short_ones = drops(1, 1, 10);
+  const auto refusal = [&](const auto& train, const auto& validation) -> std::string {
+    try {
+      learn_contacts<Law>(train, validation, two_stages, [](const auto&) -> bool { throw 1; });
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  CHECK(refusal(short_ones, set) ==
+        "training scenes: Rollouts: scenes: expected one of at least 21 frames, found none");
+  CHECK(refusal(set, short_ones) ==
+        "validation scenes: Rollouts: scenes: expected one of at least 21 frames, found none");
   for (const double margin : {0.0, -1.0, std::nan("")})
     CHECK_THROWS_AS(learn_contacts<Law>(set, set, {.margin = margin}), Error);
   const std::vector<Body<double>> one{{Sphere{0.1}, 1.0}};

@@ -344,3 +344,30 @@ TEST_CASE("a push that sets in at any step about falling asleep moves a body") {
     CHECK(y[3].position.x > 2.01);
   }
 }
+
+TEST_CASE("a plank that leans on a round bar rests") {
+  using World = System<double, 2>;
+  constexpr double thick = 0.006, from = 0.11, length = 0.084, round = 0.01;
+  const double slope = 2 * std::atan(round / from);
+  for (const double wide : {0.006, 0.03}) {
+    for (const double h : {1e-2, 1e-3}) {
+      CAPTURE(wide);
+      CAPTURE(h);
+      const World system{{Body<double>::kinematic(Capsule{round, 0.08}, rough),
+                          Body<double>(Box{length, wide, thick}, 1.0, rough)},
+                         {floor_plane(rough)}};
+      SystemState<double, 2> y;
+      y[0].position.z = round;
+      y[0].orientation = quaternion_exp(Vec3<double>{std::numbers::pi / 2, 0, 0});
+      y[1].orientation = quaternion_exp(Vec3<double>{0, -slope, 0});
+      y[1].position = {-from + length * std::cos(slope) - thick * std::sin(slope), 0,
+                       length * std::sin(slope) + thick * std::cos(slope) + 1e-5};
+      Stepper stepper(system, Gravity{}, Rk4{}, SimulationOptions{.step = h});
+      double time = 0;
+      for (; time < 2; time += h) stepper.step(y, time, h);
+      const auto before = y;
+      for (; time < 3; time += h) stepper.step(y, time, h);
+      CHECK(y == before);
+    }
+  }
+}

@@ -64,9 +64,10 @@ Manifold<S, 1> detect(const Sphere<S>& a, const Pose<S>& pa, const Box<S>& b, co
   return detail::flipped(detail::detect_box_ball(b, pb, pa.position, a.radius));
 }
 
-/// The point of the capsule's axis that is nearest to the box, and the axis' ends where they lie under the
-/// same normal. The squared distance to a box is convex along the axis with a piecewise linear slope, so its
-/// zero is found exactly between the slope's kinks, where the axis crosses the planes of the faces.
+/// The point of the capsule's axis that is nearest to the box, and the ends of what of the axis lies over the
+/// same face or edge, where they lie under the same normal. The squared distance to a box is convex along the
+/// axis with a piecewise linear slope, so its zero is found exactly between the slope's kinks, where the axis
+/// crosses the planes of the faces.
 template <class S>
 Manifold<S, 3> detect(const Capsule<S>& a, const Pose<S>& pa, const Box<S>& b, const Pose<S>& pb) {
   using std::abs;
@@ -103,7 +104,19 @@ Manifold<S, 3> detect(const Capsule<S>& a, const Pose<S>& pa, const Box<S>& b, c
       select(slope_low >= S(0), low,
              select(slope_high <= S(0), high, S(low + clamp(share, S(0), S(1)) * (high - low))));
 
-  const S along[3] = {nearest, S(-a.half_length), a.half_length};
+  // From where to where the axis lies over the same face, or along the same edge.
+  S from(-a.half_length), to = a.half_length;
+  const auto stay = [&](const S& m, const S& d, const S& half) {
+    const S inverse = S(1) / select(abs(d) < as<S>(1e-12), as<S>(1e-12), d);
+    const S one = (half - m) * inverse, other = (-half - m) * inverse;
+    const MaskOf<S> over = abs(S(m + nearest * d)) <= as<S>(1 + 1e-6) * half;
+    from = select(over, maximum(from, minimum(one, other)), from);
+    to = select(over, minimum(to, maximum(one, other)), to);
+  };
+  stay(middle.x, u.x, h.x);
+  stay(middle.y, u.y, h.y);
+  stay(middle.z, u.z, h.z);
+  const S along[3] = {nearest, minimum(from, nearest), maximum(to, nearest)};
   Manifold<S, 3> m{{}, S(0), {}, {}};
   for (std::size_t i = 0; i < 3; ++i) {
     const auto ball = detail::detect_box_ball(b, pb, pa.position + along[i] * pa.axes.z, a.radius);

@@ -52,7 +52,7 @@ class DatasetFolder {
   const std::filesystem::path& path() const { return path_; }
   std::string text() const { return path_.string(); }
   std::filesystem::path description() const { return path_ / "dataset.json"; }
-  bool described() const { return std::filesystem::exists(description()); }
+  bool described() const { return file_exists(description()); }
 
   Json read_description() const {
     std::string bytes = read_text(description());
@@ -161,7 +161,7 @@ class DatasetArray {
                         Eigen::Index count, Eigen::Index done, const Json& digests) {
     // A run that was killed while it put its arrays in their places is not done: they become partial again.
     const auto partial = AtomicFile::partial(path);
-    if (std::filesystem::exists(path)) std::filesystem::rename(path, partial);
+    if (file_exists(path)) std::filesystem::rename(path, partial);
     const std::string header = NpyWriter<Scalar>::header(sample_shape, count);
     Sha256 hash;
     hash.add(header.data(), header.size());

@@ -42,7 +42,7 @@ inline bool is_namespace_name(std::string_view name) {
       "true",        "try",      "typedef",    "typeid",    "typename",  "union",        "unsigned",
       "using",       "virtual",  "void",       "volatile",  "wchar_t",   "while",        "xor",
       "xor_eq",      "main",     "posix",      "errno",     "stdin",     "stdout",       "stderr",
-      "assert",      "std",      "Eigen",      "rbres"};
+      "assert",      "linux",    "unix",       "std",       "Eigen",     "rbres"};
   if (name.empty() || name.front() == '_' || letters.find(name.front()) == name.npos) return false;
   if (name.find_first_not_of(text(letters, "0123456789")) != name.npos || name.find("__") != name.npos)
     return false;

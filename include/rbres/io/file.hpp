@@ -28,6 +28,14 @@ static_assert(std::endian::native == std::endian::little,
   fail(text(path.string(), ": cannot ", verb, ": ", std::generic_category().message(reason)));
 }
 
+/// Whether there is something of that name; Error where that cannot be known.
+inline bool file_exists(const std::filesystem::path& path) {
+  std::error_code problem;
+  const bool there = std::filesystem::exists(path, problem);
+  if (problem) fail(text(path.string(), ": cannot be looked at: ", problem.message()));
+  return there;
+}
+
 /// a · b, a size in a file that must stay below 2^63; Error that names the path when it does not.
 inline std::uint64_t checked_product(const std::filesystem::path& path, std::uint64_t a, std::uint64_t b) {
   constexpr auto limit = static_cast<std::uint64_t>(std::numeric_limits<std::int64_t>::max());

@@ -133,16 +133,12 @@ inline void make_empty_folder(const std::filesystem::path& folder) {
   std::error_code problem;
   std::filesystem::create_directories(folder, problem);
   if (problem) fail(text(folder.string(), ": cannot be made: ", problem.message()));
-  if (!std::filesystem::is_empty(folder)) refuse(folder.string(), "an empty folder", "one with files in it");
+  const bool empty = std::filesystem::is_empty(folder, problem);
+  if (problem) fail(text(folder.string(), ": cannot be looked at: ", problem.message()));
+  if (!empty) refuse(folder.string(), "an empty folder", "one with files in it");
 }
 
 }  // namespace detail
-
-/// The time between frames of a folder of trajectories, s, of which nothing else is read.
-inline double read_frame_time(const std::filesystem::path& folder) {
-  const std::string path = (folder / "world.json").string();
-  return detail::number_at(detail::read_json(path), "frame_time", path);
-}
 
 /// Reads a folder of trajectories. Where files are missing or truncated, do not fit together, or hold what no
 /// world can (see Trajectory and TrajectorySet), throws an Error that names the place.

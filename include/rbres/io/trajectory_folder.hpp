@@ -95,7 +95,7 @@ class TrajectoryFolder {
   using Shape = std::vector<Eigen::Index>;
   using Integers = NpyReader<std::int64_t>;
 
-  bool has(const char* name) const { return std::filesystem::exists(path_ / name); }
+  bool has(const char* name) const { return file_exists(path_ / name); }
   Integers open_integers(const char* name, const Shape& expected) const {
     Integers file(path_ / name);
     require_shape(path_ / name, file.shape(), expected);

@@ -110,8 +110,10 @@ struct ContactLaw {
   /// Throws Error where the step (s) is not the law's frame time.
   void check_step(double step) const {
     if (!(std::abs(step - scales.frame_time) <= 1e-6 * scales.frame_time))
-      detail::refuse("step of a learned contact law",
-                     detail::text("its frame time, ", scales.frame_time, " s"), step);
+      detail::refuse(
+          "step of a learned contact law",
+          detail::text("its frame time, ", scales.frame_time, " s (durations and samples are whole frames)"),
+          step);
   }
 
   /// Takes one system's state over frames.

@@ -163,8 +163,10 @@ class ContactTraining {
     law_ = untrained_law<Law>(train, options_);
     double work = 0;
     for (const auto& stage : options_.stages) {
-      const auto windows =
-          Rollouts<Law>(law_, train, stage.frames, stage.stride, options_.loss, options_.velocity).count();
+      const auto windows = detail::naming([] { return "training scenes: "; },
+                                          [&] { return windows_of(train, stage, stage.stride).count(); });
+      detail::naming([] { return "validation scenes: "; },
+                     [&] { return windows_of(validation, stage, 2 * stage.frames); });
       work += static_cast<double>(windows) * stage.frames * stage.epochs;
       work_done_.push_back(work);
     }
@@ -213,11 +215,13 @@ class ContactTraining {
   }
 
  private:
+  Rollouts<Law> windows_of(const TrajectorySet& set, const ContactLearning::Stage& stage, int stride) const {
+    return {law_, set, stage.frames, stride, options_.loss, options_.velocity};
+  }
   std::unique_ptr<StageTrainer> trainer_of(int number, const typename Law::Network& network) const {
     const auto& stage = options_.stages[static_cast<std::size_t>(number)];
     auto trainer = std::make_unique<StageTrainer>(
-        network, Rollouts<Law>(law_, *train_, stage.frames, stage.stride, options_.loss, options_.velocity),
-        Rollouts<Law>(law_, *validation_, stage.frames, 2 * stage.frames, options_.loss, options_.velocity),
+        network, windows_of(*train_, stage, stage.stride), windows_of(*validation_, stage, 2 * stage.frames),
         TrainingOptions{.epochs = stage.epochs,
                         .batch_size = stage.batch_size,
                         .l2 = 0,
