@@ -106,7 +106,7 @@ TEST_CASE("learning that makes no sense is refused") {
   CHECK_THROWS_AS(learn_contacts<Law>(set, set, {.learning_rate = 0}), Error);
   // Scenes that the last stage finds too short are so before the first.
   const ContactLearning two_stages{.stages = {{1, 1, 1, 8}, {20, 1, 1, 8}}};
-  const auto short_ones = drops(1, 1, 10);
+  const auto short_ones = drops(8, 1, 18);
   const auto refusal = [&](const auto& train, const auto& validation) -> std::string {
     try {
       learn_contacts<Law>(train, validation, two_stages, [](const auto&) -> bool { throw 1; });

@@ -140,9 +140,9 @@ class ContactRows {
 
  private:
   /// Newton's method solves most single pairs and most small islands; a few sweeps others, the method of
-  /// multipliers what it leaves off, single bodies by more than `enough` (m/s). Large heaps, for which that
-  /// costs too much, are swept to a coarser tolerance and then on, those in motion where that is soon
-  /// reached.
+  /// multipliers what it leaves off, single bodies by more than `enough` (m/s). Large heaps and islands of a
+  /// crowd in motion, for which that costs too much, are swept to a coarser tolerance and then on, those in
+  /// motion where that is soon reached.
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance, const S& enough,
              bool moving) {
     constexpr int few = 12, some = 40, many = 100;
@@ -150,7 +150,7 @@ class ContactRows {
     if (!any(left)) return;
     // Where no forces obey all laws, as in a jam, it fails again and again, at the price of many sweeps.
     const MaskOf<S> hopeful = failures_ < as<S>(most_failures);
-    if (any(left & hopeful) && newton_.take_up(*this, motion)) {
+    if (!moving && any(left & hopeful) && newton_.take_up(*this, motion)) {
       const MaskOf<S> apart = pairs_apart();
       MaskOf<S> single = left & apart, joint = left & !apart;
       if (any(single)) single = sweep_rows(motion, single, friction, tolerance, few);
