@@ -55,6 +55,25 @@ TEST_CASE("a step of no length that time has moves nothing, and says so") {
   }
 }
 
+TEST_CASE("however short a step is, bodies that rest on one another stay finite") {
+  constexpr Material<double> rough{.restitution = 0.2, .friction = 0.5};
+  const auto tower =
+      System<double, 2, Box<double>>::of(Body(Box{0.1, 0.1, 0.1}, 1.0, rough), {floor_plane(rough)});
+  for (const auto mode : {ContactMode::continuous, ContactMode::discrete}) {
+    for (int exponent = -320; exponent < -3; ++exponent) {
+      CAPTURE(exponent);
+      SystemState<double, 2> y;
+      y[0].position.z = 0.1;
+      y[1].position = {0.02, 0, 0.3};
+      const SimulationOptions options{.step = 1e-3, .contacts = mode};
+      Stepper stepper(tower, Gravity{}, Rk4{}, options);
+      const double h = std::pow(10.0, exponent);
+      for (int k = 0; k < 3; ++k) CHECK(stepper.step(y, k * h, h) == -1);
+      CHECK(std::abs(y[1].position.z - 0.3) < 1e-6);
+    }
+  }
+}
+
 TEST_CASE("in lanes, those with such a step stay and the others go on") {
   using S = Pack<double, 4>;
   const auto lanes = balls.cast<S>();

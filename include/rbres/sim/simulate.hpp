@@ -69,8 +69,8 @@ class Stepper {
     before_ = y;
     const MaskOf<S> forward = h >= S(0);
     const MaskOf<S> sound = forward & is_finite(S(t + h));
-    // A time so short that it has no inverse moves nothing.
-    const MaskOf<S> lasts = h >= S(std::numeric_limits<typename Constants<S>::Real>::min());
+    // A time so short that its square has no inverse moves nothing.
+    const MaskOf<S> lasts = square(h) >= S(std::numeric_limits<typename Constants<S>::Real>::min());
     const S time = select(sound & lasts, h, S(0));
     contacts_.step(forces_, integrator_, y, t, time, observer, tally_);
     if (!all(sound)) {
