@@ -123,7 +123,7 @@ void run(const Options& options) {
                    detail::text(train.frame_time(), " s, as in train"), test.frame_time());
   std::optional<AtomicFile> model;
   if (!options.model.empty()) {
-    refuse_taken("--model", options.model, options.force);
+    if (!options.force) refuse_taken("--model", options.model, force_overwrites);
     model.emplace(options.model);
   }
 

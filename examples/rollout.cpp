@@ -26,7 +26,7 @@ struct Options {
 /// Refuses to overwrite unasked, and files that cannot be written.
 void check_files(const Options& options) {
   for (const auto& file : {options.prediction_file(), options.truth_file(), options.scene_file()}) {
-    refuse_taken("--out", file, options.force);
+    if (!options.force) refuse_taken("--out", file, force_overwrites);
     const AtomicFile writable(file);
   }
 }

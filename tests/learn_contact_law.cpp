@@ -176,13 +176,11 @@ TEST_CASE("a step other than the law's frame time is refused") {
   };
   CHECK(refused({.step = 0.005, .duration = 0.1}) ==
         "step of a learned contact law: expected its frame time, 0.01 s (durations and samples are whole "
-        "frames), "
-        "found 0.005");
+        "frames), found 0.005");
   // The last step would be shorter.
   CHECK(refused({.step = 0.01, .duration = 0.105, .sample_rate = 10}) ==
         "step of a learned contact law: expected its frame time, 0.01 s (durations and samples are whole "
-        "frames), "
-        "found 0.005");
+        "frames), found 0.005");
   CHECK(y == before);
   Stepper stepper(system, Gravity{}, Rk4{}, law, {.step = 0.01});
   CHECK_THROWS_AS(stepper.step(y, 0.0, 0.02), Error);

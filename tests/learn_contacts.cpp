@@ -5,6 +5,7 @@
 #include <rbres/learn/learn_contacts.hpp>
 #include <rbres/sim/simulate.hpp>
 
+#include "error_of.hpp"
 #include "learn_support.hpp"
 
 using namespace rbres;
@@ -107,13 +108,9 @@ TEST_CASE("learning that makes no sense is refused") {
   // Scenes that the last stage finds too short are so before the first.
   const ContactLearning two_stages{.stages = {{1, 1, 1, 8}, {20, 1, 1, 8}}};
   const auto short_ones = drops(8, 1, 18);
-  const auto refusal = [&](const auto& train, const auto& validation) -> std::string {
-    try {
-      learn_contacts<Law>(train, validation, two_stages, [](const auto&) -> bool { throw 1; });
-    } catch (const Error& error) {
-      return error.what();
-    }
-    return "";
+  const auto refusal = [&](const auto& train, const auto& validation) {
+    return error_of(
+        [&] { learn_contacts<Law>(train, validation, two_stages, [](const auto&) -> bool { throw 1; }); });
   };
   CHECK(refusal(short_ones, set) ==
         "training scenes: Rollouts: scenes: expected one of at least 21 frames, found none");

@@ -32,9 +32,7 @@ inline Outputs open_files(const Options& o) {
     if (const auto [other, is_new] = seen.emplace(path, option); !is_new)
       throw Error(option + ": " + file + " is the file of " + other->second + ", too");
     if (is_there) return;
-    if (is_taken(file))
-      throw Error(option + ": " + file + " exists and would be overwritten" +
-                  (option == "--checkpoint" ? "; --resume goes on from it" : ""));
+    refuse_taken(option, file, option == "--checkpoint" ? "; --resume goes on from it" : "");
   };
   check("--data", o.data, true);
   check("--checkpoint", o.checkpoint, o.resume);

@@ -117,11 +117,12 @@ class DatasetFolder {
 
   /// Makes the folder where there is none. Refuses one that holds anything else than a data set.
   void make() const {
-    std::error_code problem;
-    std::filesystem::create_directories(path_, problem);
-    if (problem) detail::fail(detail::text(text(), ": cannot be made: ", problem.message()));
+    make_folder(path_);
     if (described()) return;
-    for (const auto& entry : std::filesystem::directory_iterator(path_))
+    std::error_code problem;
+    const std::filesystem::directory_iterator entries(path_, problem);
+    refuse_problem(path_, "be looked at", problem);
+    for (const auto& entry : entries)
       if (entry.path() != AtomicFile::partial(description()))
         refuse(text(), "a data set or an empty folder", "one that holds " + entry.path().filename().string());
   }

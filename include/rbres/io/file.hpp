@@ -28,12 +28,24 @@ static_assert(std::endian::native == std::endian::little,
   fail(text(path.string(), ": cannot ", verb, ": ", std::generic_category().message(reason)));
 }
 
+/// The same where the standard library has met a problem.
+inline void refuse_problem(const std::filesystem::path& path, std::string_view verb,
+                           const std::error_code& problem) {
+  if (problem) fail(text(path.string(), ": cannot ", verb, ": ", problem.message()));
+}
+
 /// Whether there is something of that name; Error where that cannot be known.
 inline bool file_exists(const std::filesystem::path& path) {
   std::error_code problem;
   const bool there = std::filesystem::exists(path, problem);
-  if (problem) fail(text(path.string(), ": cannot be looked at: ", problem.message()));
+  refuse_problem(path, "be looked at", problem);
   return there;
+}
+/// Makes a folder where there is none.
+inline void make_folder(const std::filesystem::path& path) {
+  std::error_code problem;
+  std::filesystem::create_directories(path, problem);
+  refuse_problem(path, "be made", problem);
 }
 
 /// a · b, a size in a file that must stay below 2^63; Error that names the path when it does not.

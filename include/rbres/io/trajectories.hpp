@@ -130,11 +130,10 @@ inline Eigen::Vector3d size_of(const Body<double>& body) {
 
 /// Makes a folder where there is none; refuses one that holds anything.
 inline void make_empty_folder(const std::filesystem::path& folder) {
+  make_folder(folder);
   std::error_code problem;
-  std::filesystem::create_directories(folder, problem);
-  if (problem) fail(text(folder.string(), ": cannot be made: ", problem.message()));
   const bool empty = std::filesystem::is_empty(folder, problem);
-  if (problem) fail(text(folder.string(), ": cannot be looked at: ", problem.message()));
+  refuse_problem(folder, "be looked at", problem);
   if (!empty) refuse(folder.string(), "an empty folder", "one with files in it");
 }
 

@@ -6,6 +6,7 @@
 #include <rbres/sim/held_flight.hpp>
 #include <rbres/sim/island_energy.hpp>
 #include <rbres/sim/kept_islands.hpp>
+#include <rbres/sim/moving_islands.hpp>
 #include <rbres/sim/part_end.hpp>
 #include <rbres/sim/resting_points.hpp>
 #include <rbres/sim/resting_turn.hpp>
@@ -41,8 +42,7 @@ class RestingContacts {
         energy_(system),
         kept_(system),
         rests_(per_body<MaskOf<S>>(system)),
-        moving_(per_body<bool>(system)),
-        island_moves_(moving_),
+        moving_(system),
         forces_(per_body<RestingForce<S>>(system)),
         torqued_(per_body<MaskOf<S>>(system)),
         turns_(system),
@@ -85,10 +85,8 @@ class RestingContacts {
   bool find(const Bodies& bodies, Pairs& pairs, const Motions& motion, const MaskOf<S>& running) {
     bodies_ = bodies;
     islands_.clear();
-    for (const int i : bodies_) {
-      rests_[index(i)] = MaskOf<S>(false);
-      if (in_crowd_) moving_[index(i)] = is_moving(i, motion[index(i)]);
-    }
+    moving_.start_part(bodies_, motion);
+    for (const int i : bodies_) rests_[index(i)] = MaskOf<S>(false);
     bool found = false;
     for (std::size_t k = 0; k < pairs.size(); ++k) {
       Pair& pair = pairs[k];
@@ -105,7 +103,7 @@ class RestingContacts {
       return false;
     }
     islands_.group(Packed<S>);
-    if (in_crowd_) note_moving_islands(pairs);
+    moving_.group(islands_, pairs);
     return true;
   }
 
@@ -155,7 +153,7 @@ class RestingContacts {
       if (!nearly_rests(i, motion)) continue;
       const Motion<S>&unheld = unheld_[index(i)], &end = end_[index(i)];
       const bool more = held_.learn(i, motion[index(i)], unheld, end, flown[i], free[i], again);
-      news |= more && !(in_crowd_ && island_moves_[index(i)]);
+      news |= more && !moving_.has_island_of(i);
     }
     return news;
   }
@@ -248,7 +246,7 @@ class RestingContacts {
 
   /// See PartEnd::sunk(), of bodies that the contacts' forces have taken to `flown`.
   S sunk(const Pairs& pairs, const State& flown, const MaskOf<S>& all, const S& sinking) {
-    return at_end_.sunk(pairs, flown, all, sinking, [&](const Pair& pair) { return is_moving(pair); });
+    return at_end_.sunk(pairs, flown, all, sinking, [&](const Pair& pair) { return moving_.has(pair); });
   }
 
   /// Chooses the islands that keep their forces after a part of so many seconds, for whose end sunk() was
@@ -310,34 +308,12 @@ class RestingContacts {
     return kept_.has(pairs[islands_[island].front()]);
   }
 
-  /// Whether body i is not nearly at rest.
-  bool is_moving(int i, const Motion<S>& motion) const {
-    const S size = (*system_)[i].bounding_radius(), slow = as<S>(1e-3) * speed_scale(size);
-    return any(squared_norm(motion.velocity) + square(size) * squared_norm(motion.angular_velocity) >
-               square(slow));
-  }
+  /// Whether a body that contacts hold is so slow that HeldFlight is for it.
   bool nearly_rests(int i, const Motions& motion) const {
-    return any(moves(i)) && !is_moving(i, motion[index(i)]);
+    return any(moves(i)) && !moving_.is_moving(i, motion[index(i)]);
   }
-  /// Whether an island of a crowd is in motion: what its contacts do wrong then is soon over.
   bool is_moving(const Pairs& pairs, std::size_t island) const {
-    return in_crowd_ && island_moves_[index(pairs[islands_[island].front()].moved.second)];
-  }
-  void note_moving_islands(const Pairs& pairs) {
-    for (std::size_t island = 0; island < islands_.count(); ++island) {
-      const auto members = islands_[island];
-      const bool moves =
-          std::any_of(members.begin(), members.end(), [&](std::size_t k) { return is_moving(pairs[k]); });
-      for (const std::size_t k : members) {
-        for (const int body : {pairs[k].moved.first, pairs[k].moved.second}) {
-          if (body >= 0) island_moves_[index(body)] = moves;
-        }
-      }
-    }
-  }
-  bool is_moving(const Pair& pair) const {
-    const auto& [first, second] = pair.moved;
-    return in_crowd_ && (moving_[index(second)] || (first >= 0 && moving_[index(first)]));
+    return moving_.has_island_of(pairs[islands_[island].front()].moved.second);
   }
 
   /// Takes away what approaches in the rows of an island: coarsely where forces that are found next take up
@@ -375,8 +351,7 @@ class RestingContacts {
   KeptIslands<System> kept_;
   bool within_step_ = false;  ///< whether an impact in a crowd has ended the part before
   PerBody<MaskOf<S>, System::bodies> rests_;
-  PerBody<bool, System::bodies> moving_;        ///< where a part begins, in a crowd
-  PerBody<bool, System::bodies> island_moves_;  ///< whether a body of its island does, where it has one
+  MovingIslands<System> moving_;
   Forces forces_;
   PerBody<MaskOf<S>, System::bodies> torqued_;  ///< whether other forces turn it
   RestingTurns<System> turns_;
