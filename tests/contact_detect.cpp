@@ -201,6 +201,24 @@ TEST_CASE("a capsule that lies across a face or an edge touches where it leaves 
   touches({0.4, 0.1, 0.25}, -0.1, 0.2);              // one end
   touches({0, 0.3 + 0.06, 0.15 + 0.08}, -0.2, 0.2);  // an edge
   touches({-0.45, -0.3 - 0.08, -0.15 - 0.06}, -0.2, 0.05);
+  // On the border of a face, whatever rounding makes of it.
+  for (const double beyond : {0.0, 1e-16, -1e-12, 1e-12, -1e-9, 1e-9, 1e-7, 5e-7}) {
+    for (const double yaw : {0.0, 1e-12, -1e-9, 1e-9}) {
+      CAPTURE(beyond);
+      CAPTURE(yaw);
+      const auto m = detect(
+          capsule, pose({0, 0.3 * (1 + beyond), 0.25}, quaternion_exp(Vec3<double>{0, 0, yaw}) * along_x),
+          box, pose({0, 0, 0}));
+      double low = 0, high = 0;
+      for (std::size_t i = 0; i < 3; ++i) {
+        CHECK(std::abs(m.gap[i]) < 1e-11);
+        low = std::min(low, m.point[i].x);
+        high = std::max(high, m.point[i].x);
+      }
+      CHECK(low == doctest::Approx(-0.2));
+      CHECK(high == doctest::Approx(0.2));
+    }
+  }
 }
 
 TEST_CASE("a ball inside a box is pushed out of the nearest face") {

@@ -91,12 +91,12 @@ Manifold<S, 3> detect(const Capsule<S>& a, const Pose<S>& pa, const Box<S>& b, c
   };
   const auto crossings = [&](const S& m, const S& d, const S& half) {
     const S inverse = S(1) / select(abs(d) < as<S>(1e-12), as<S>(1e-12), d);
-    const std::array<S, 2> kinks{(half - m) * inverse, (-half - m) * inverse};
-    for (const S& kink : kinks) narrow(kink);
-    return kinks;
+    narrow((half - m) * inverse);
+    narrow((-half - m) * inverse);
+    return inverse;
   };
-  const std::array<S, 2> x = crossings(middle.x, u.x, h.x), y = crossings(middle.y, u.y, h.y),
-                         z = crossings(middle.z, u.z, h.z);
+  const Vec3<S> inverse{crossings(middle.x, u.x, h.x), crossings(middle.y, u.y, h.y),
+                        crossings(middle.z, u.z, h.z)};
   const S rise = slope_high - slope_low;
   const S share = select(rise > S(Constants<S>::tiny),
                          S(-slope_low / select(rise > S(Constants<S>::tiny), rise, S(1))), S(0.5));
@@ -104,17 +104,19 @@ Manifold<S, 3> detect(const Capsule<S>& a, const Pose<S>& pa, const Box<S>& b, c
       select(slope_low >= S(0), low,
              select(slope_high <= S(0), high, S(low + clamp(share, S(0), S(1)) * (high - low))));
 
-  // From where to where the axis lies over the same face, or along the same edge.
+  // From where to where the axis lies over the same face, or along the same edge. One that lies on the border
+  // of a face is over it, on whichever side rounding puts it.
   S from(-a.half_length), to = a.half_length;
-  const auto stay = [&](const std::array<S, 2>& kinks, const S& at, const S& half) {
-    const MaskOf<S> over = abs(at) <= as<S>(1 + 1e-6) * half;
-    from = select(over, maximum(from, minimum(kinks[0], kinks[1])), from);
-    to = select(over, minimum(to, maximum(kinks[0], kinks[1])), to);
+  const auto stay = [&](const S& m, const S& d, const S& inverse_d, const S& half) {
+    const S wide = as<S>(1 + 1e-6) * half;
+    const S one = (wide - m) * inverse_d, other = (-wide - m) * inverse_d;
+    const MaskOf<S> over = abs(S(m + nearest * d)) <= wide;
+    from = select(over, maximum(from, minimum(one, other)), from);
+    to = select(over, minimum(to, maximum(one, other)), to);
   };
-  const Vec3<S> at = middle + nearest * u;
-  stay(x, at.x, h.x);
-  stay(y, at.y, h.y);
-  stay(z, at.z, h.z);
+  stay(middle.x, u.x, inverse.x, h.x);
+  stay(middle.y, u.y, inverse.y, h.y);
+  stay(middle.z, u.z, inverse.z, h.z);
   const S along[3] = {nearest, minimum(from, nearest), maximum(to, nearest)};
   Manifold<S, 3> m{{}, S(0), {}, {}};
   for (std::size_t i = 0; i < 3; ++i) {
