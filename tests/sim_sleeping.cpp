@@ -2,6 +2,7 @@
 // about them changes.
 #include <doctest/doctest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <rbres/rbres.hpp>
 
@@ -224,6 +225,52 @@ TEST_CASE("a body that comes near wakes an island before it hits") {
   compare(2, Push{&calls}, 1e-8, [](double t, SystemState<double, 4>& y) {
     if (std::abs(t - 1) < 0.5 * step) y[3].velocity = {-6, 0, 1.5};
   });
+}
+
+TEST_CASE("a body that passes near an island does not wake it") {
+  const Boxes system = boxes();
+  const auto calls_of_pass = [&](double gap) {
+    long calls = 0;
+    Stepper<Boxes, Push, Rk4> stepper(system, Push{&calls}, Rk4{}, {.step = step});
+    SystemState<double, 4> y = at_rest();
+    for (int k = 0; k < 500; ++k) stepper.step(y, k * step, step);
+    // Up, along the stack's side, and down again: its flight could meet the stack at any time.
+    y[3].position = {0.4 + 0.02 + gap, 0, 0.3};
+    y[3].velocity = {0, 0, 1};
+    const SystemState<double, 4> before = y;
+    calls = 0;
+    for (int k = 500; k < 590; ++k) stepper.step(y, k * step, step);
+    for (int i = 0; i < 3; ++i) CHECK(y[i] == before[i]);
+    return calls;
+  };
+  const long near = calls_of_pass(1e-4), far = calls_of_pass(1);
+  CHECK(near == far);
+}
+
+TEST_CASE("a heap sleeps, though a ball in it spins a little: nothing would ever stop that") {
+  using Shape = std::variant<Box<double>, Sphere<double>>;
+  using Crowd = System<double, dynamic, Shape>;
+  std::vector<Body<double, Shape>> bodies(15, Body<double, Shape>(Box{0.2, 0.2, 0.1}, 1.0, rough));
+  bodies.emplace_back(Sphere{0.1}, 1.0, rough);
+  const Crowd system{bodies, {floor_plane(rough)}};
+  Crowd::State y;
+  y.body.resize(16);
+  int next = 0;
+  for (int row = 0; row < 5; ++row) {  // a pyramid
+    for (int i = 0; i < 5 - row; ++i) y[next++].position = {0.42 * i + 0.21 * row, 0, 0.1 + 0.2 * row};
+  }
+  y[15].position = {0.84, 0, 1.1};
+  const auto rests_after = [&](double spin) {
+    Crowd::State state = y;
+    state[15].angular_velocity = {0, 0, spin};
+    Stepper stepper(system, Gravity{}, Rk4{}, {.step = step});
+    for (int k = 0; k < 1000; ++k) stepper.step(state, k * step, step);
+    return std::all_of(state.body.begin(), state.body.end(), [](const RigidState<double>& body) {
+      return squared_norm(body.velocity) + squared_norm(body.angular_velocity) == 0;
+    });
+  };
+  CHECK(rests_after(2e-7));
+  CHECK_FALSE(rests_after(1e-5));
 }
 
 TEST_CASE("what they rest on may go away, and move") {

@@ -91,8 +91,8 @@ class SleepingIslands {
   }
 
   /// Takes pairs of sleeping bodies out of those that may touch within `time` s from y, on these `ways` (m)
-  /// to `free`. False, with its island awake, where a body comes near one: then the pairs are to be found
-  /// again.
+  /// to `free`, but for those with a body that may reach one. False, with its island awake, where that is
+  /// near already: then the pairs are to be found again.
   template <class Ways>
   bool sift(const State& y, const State& free, const Ways& ways, const S& time, Pairs& pairs) {
     if constexpr (possible) {
@@ -103,13 +103,14 @@ class SleepingIslands {
         const Candidate& who = pairs[k].who;
         const bool first = who.first >= 0 && has(who.first), second = has(who.second);
         if (first || second) {
-          const bool both =
-              who.first < 0 || ((first || is_still(who.first, y)) && (second || is_still(who.second, y)));
-          if (!both && comes_near(pairs[k], first ? who.second : who.first, y, free, ways, time)) {
-            wake(first ? who.first : who.second);
+          if (who.first < 0 || ((first || is_still(who.first, y)) && (second || is_still(who.second, y))))
+            continue;
+          const S gap = separation(pairs[k], y);
+          if (gap <= pairs[k].near) {
+            wake(pairs[k].who);
             as_they_were = false;
           }
-          continue;
+          if (gap > pairs[k].near + reach(first ? who.second : who.first, y, free, ways, time)) continue;
         }
         if (left != k) pairs[left] = pairs[k];
         ++left;
@@ -118,6 +119,22 @@ class SleepingIslands {
       return as_they_were;
     }
     return true;
+  }
+  /// Whether a body would hit a sleeping one within `time` (s), as ContactPair::impact says: then that wakes,
+  /// and the part is to be found again.
+  bool disturbed(const Pairs& pairs, const S& time) {
+    if constexpr (possible) {
+      if (data_.sleepers == 0) return false;
+      bool woke = false;
+      for (const auto& pair : pairs) {
+        if (pair.impact < time && ((pair.who.first >= 0 && has(pair.who.first)) || has(pair.who.second))) {
+          wake(pair.who);
+          woke = true;
+        }
+      }
+      return woke;
+    }
+    return false;
   }
 
   /// Notes the pairs that rest where a part of the step ends.
@@ -163,6 +180,8 @@ class SleepingIslands {
     for (std::size_t k = 0; k < islands.count(); ++k) slept |= end_step_of(islands[k], y, seconds);
     if (slept) memory.lay_by([&](int i) { return has(i); });
   }
+  /// Pairs of an island in a crowd whose forces are found to rounding.
+  static constexpr std::size_t most_precise = 12;
   struct Rest {
     Candidate who, moved;
   };
@@ -225,15 +244,20 @@ class SleepingIslands {
     }
     remove_where(data_.supports, [&](const Support& s) { return !has(s.body); });
   }
-  /// Whether the awake body of a pair may touch the other within `time`.
-  template <class Ways>
-  bool comes_near(const ContactPair<System>& pair, int awake, const State& y, const State& free,
-                  const Ways& ways, const S& time) const {
+  /// Wakes the islands of a pair.
+  void wake(const Candidate& who) {
+    if (who.first >= 0) wake(who.first);
+    wake(who.second);
+  }
+  S separation(const ContactPair<System>& pair, const State& y) const {
     typename ContactPair<System>::Contact contact;
     pair.find(*system_, y, contact);
-    const S way =
-        ways[index(awake)] + turn_of(y[awake], free[awake], time) * (*system_)[awake].bounding_radius();
-    return !(contact.separation > way + pair.near);
+    return contact.separation;
+  }
+  /// How far a point of body i may get within `time`, m.
+  template <class Ways>
+  S reach(int i, const State& y, const State& free, const Ways& ways, const S& time) const {
+    return ways[index(i)] + turn_of(y[i], free[i], time) * (*system_)[i].bounding_radius();
   }
 
   /// Whether a body that has lain down is where it was, but for `little` (m) and rounding: an overlap may
@@ -254,11 +278,14 @@ class SleepingIslands {
         f(data_.rests[k].moved.second);
       }
     };
+    // Heaps are solved coarser, and what spins in them goes on for ever.
+    const bool heap = is_crowd(*system_) && island.size() > most_precise;
+    const S solved = heap ? as<S>(1e-8) : as<S>(Constants<S>::solved), little = as<S>(heap ? 1e-7 : 1e-9);
     each([&](int i) {
       const S size = (*system_)[i].bounding_radius(), scale = speed_scale(size);
-      const S still = S(8) * as<S>(Constants<S>::solved) * scale;
+      const S still = S(8) * solved * scale;
       const S speed = norm(y[i].velocity) + size * norm(y[i].angular_velocity);
-      const bool rounding = speed <= still, slow = speed <= as<S>(1e-9) * scale;
+      const bool rounding = speed <= still, slow = speed <= little * scale;
       S& time = data_.quiet[index(i)];
       if (!data_.counted[index(i)]) time = slow ? time + seconds : S(0);
       data_.counted[index(i)] = true;

@@ -132,8 +132,11 @@ class StepParts {
       // No rest is left that is a rounding error: forces over such a part would be, too.
       const S ahead = select(left < as<S>(1.25) * longest, left, longest);
       // Resting contacts close a tenth of their gap in a step, and more where its parts must be short.
-      // Bodies of a heap that are wedged between walls overlap both: they would push for ever.
-      const ClosingRate<S> pull{as<S>(0.1) / h, select(longest < h, S(as<S>(0.5) / longest), S(0)),
+      // Bodies of a heap that are wedged between walls overlap both: they would push for ever. Beyond that
+      // overlaps open soon, so that they do not reach the depth of an impact.
+      const S rate = as<S>(0.1) / h;
+      const ClosingRate<S> pull{rate, in_crowd_ ? S(as<S>(6.0) * rate) : rate,
+                                select(longest < h, S(as<S>(0.5) / longest), S(0)),
                                 in_crowd_ ? as<S>(1.1 * heap_sinking) : S(0)};
 
       // Find the pairs that may touch before the step is over.
@@ -236,6 +239,10 @@ class StepParts {
       // However dense the impacts, time goes on.
       const S impact =
           maximum(earliest_impact(pairs, y, ahead, sinking, lost), minimum(ahead, S(as<S>(1e-9) * h)));
+      if (sleeping_.disturbed(pairs, ahead)) {
+        resolved = true;
+        continue;
+      }
       const MaskOf<S> cuts = running & (impact < ahead);
       const bool cut = any(cuts);
       if (cut) {
