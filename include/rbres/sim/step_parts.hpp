@@ -135,7 +135,7 @@ class StepParts {
       // Bodies of a heap that are wedged between walls overlap both: they would push for ever. Beyond that
       // overlaps open soon, so that they do not reach the depth of an impact.
       const S rate = as<S>(0.1) / h;
-      const ClosingRate<S> pull{rate, in_crowd_ ? S(as<S>(6.0) * rate) : rate,
+      const ClosingRate<S> pull{rate, in_crowd_ ? S(as<S>(2.0) * rate) : rate,
                                 select(longest < h, S(as<S>(0.5) / longest), S(0)),
                                 in_crowd_ ? as<S>(1.1 * heap_sinking) : S(0)};
 
