@@ -85,9 +85,6 @@ struct ContactPair {
     const S most = as<S>(2e-5) * size;
     return fixed_points() ? most : select(any_resting, minimum(most, S(as<S>(0.5) * near)), most);
   }
-  /// How deep bodies of a heap may be in one another before they have an impact, m: `sinking` (share of their
-  /// size), and more where they rest. They are held at little more than that, and rock about there.
-  S most_overlap(const S& sinking) const { return S(sinking * size) * select(any_resting, as<S>(1.4), S(1)); }
   /// The motion of the second body where the first is a plane: nothing reads or changes a plane's.
   Motion<S>& first(Motions& m) const { return m[static_cast<std::size_t>(plane() ? who.second : who.first)]; }
   Motion<S>& second(Motions& m) const { return m[static_cast<std::size_t>(who.second)]; }

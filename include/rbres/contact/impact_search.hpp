@@ -73,12 +73,10 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
   // by a depth that others do not reach. What that adds up to stays below most_sinking().
   MaskOf<S> touching(false);
   for (std::size_t i = 0; i < P; ++i) touching = touching | pair.touching[i];
-  // In a heap they are deeper than that, and still need some.
-  const S left = clamp(S(pair.most_sinking() + minimum(pair.manifold.separation, S(0))), S(0), pair.near);
-  const S spare = select(sinking > S(0), pair.near, left);
+  const S spare = clamp(S(pair.most_sinking() + minimum(pair.manifold.separation, S(0))), S(0), pair.near);
   const S allowance =
       pair.fixed_points() ? S(0) : select(pair.any_resting, pair.near, select(touching, spare, S(0)));
-  const S deep = pair.most_overlap(sinking);
+  const S deep = sinking * pair.size;
   const auto lowest = [&](const typename Pair::Contact& contact) {
     const auto above = [&](const S& gap, const S& before) {  // the depth at which an impact is due
       return S(gap + maximum(deep, S(allowance - minimum(before, S(0)))));

@@ -48,7 +48,7 @@ class PartEnd {
         most = select(pair.any_resting, S(as<S>(1.05) * pair.near), most);
       const auto share = [&](const S& before, const S& after) {
         const S depth = -minimum(before, S(0));
-        const S sinks = is_moving(pair) ? S(as<S>(1.05) * (pair.most_overlap(sinking) - depth)) : S(0);
+        const S sinks = is_moving(pair) ? S(as<S>(1.05) * (sinking * pair.size - depth)) : S(0);
         return S((-after - depth) / maximum(most, sinks));
       };
       if (!pair.fixed_points()) {

@@ -8,7 +8,6 @@ namespace rbres::RBRES_ABI::detail {
 template <class S>
 struct ClosingRate {
   S in_step;  ///< over a whole step
-  S opening;  ///< the same of overlaps
   S in_part;  ///< where its parts must be short; else 0
   S slack;    ///< overlaps that stay as they are, as a share of the smaller bounding radius
 
@@ -36,7 +35,7 @@ S closing_speed(const Pair& pair, const typename Pair::Contact& contact, std::si
                 const ClosingRate<S>& pull) {
   const S depth = maximum(S(-contact.gap[i] - pull.slack * pair.size), S(0)), share = depth / pair.size;
   const S fastest = as<S>(0.3) * pair.speed_scale * positive_root(S(share + S(Constants<S>::tiny)));
-  const S opens = maximum(minimum(S(pull.opening * depth), fastest), S(pull.in_part * depth));
+  const S opens = maximum(minimum(S(pull.in_step * depth), fastest), S(pull.in_part * depth));
   return select(contact.gap[i] > S(0), S(-pull.largest() * contact.gap[i]), opens);
 }
 

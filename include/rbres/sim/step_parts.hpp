@@ -132,11 +132,8 @@ class StepParts {
       // No rest is left that is a rounding error: forces over such a part would be, too.
       const S ahead = select(left < as<S>(1.25) * longest, left, longest);
       // Resting contacts close a tenth of their gap in a step, and more where its parts must be short.
-      // Bodies of a heap that are wedged between walls overlap both: they would push for ever. Beyond that
-      // overlaps open soon, so that they do not reach the depth of an impact.
-      const S rate = as<S>(0.1) / h;
-      const ClosingRate<S> pull{rate, in_crowd_ ? S(as<S>(2.0) * rate) : rate,
-                                select(longest < h, S(as<S>(0.5) / longest), S(0)),
+      // Bodies of a heap that are wedged between walls overlap both: they would push for ever.
+      const ClosingRate<S> pull{as<S>(0.1) / h, select(longest < h, S(as<S>(0.5) / longest), S(0)),
                                 in_crowd_ ? as<S>(1.1 * heap_sinking) : S(0)};
 
       // Find the pairs that may touch before the step is over.
