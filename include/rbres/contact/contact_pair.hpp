@@ -106,6 +106,11 @@ struct ContactPair {
       for (S& gap : contact.gap) gap = maximum(gap, apart);
     }
   }
+  /// How they meet in the present state, y: found where it is not known yet.
+  void know_manifold(const System& system, const typename System::State& y) {
+    if (!known) find(system, y, manifold);
+    known = true;
+  }
   /// Where the points of a body on a plane are when it has turned by `turn` (rad, world frame) about its
   /// centre of mass.
   void find_turned(const System& system, RigidState<S> body, const Vec3<S>& turn, Contact& contact) const {

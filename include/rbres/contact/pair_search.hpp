@@ -177,8 +177,7 @@ template <class System>
 void measure(const System& system, const typename System::State& y, const MotionsOf<System>& motion,
              const MaskOf<typename System::Scalar>& where, ContactPairs<System>& pairs) {
   for (ContactPair<System>& pair : pairs) {
-    if (!pair.known) pair.find(system, y, pair.manifold);
-    pair.known = true;
+    pair.know_manifold(system, y);
     for (std::size_t i = 0; i < ContactPair<System>::points; ++i)
       pair.touching[i] = where & (pair.manifold.gap[i] <= pair.touch);
   }

@@ -100,17 +100,18 @@ class SleepingIslands {
       bool as_they_were = true;
       std::size_t left = 0;
       for (std::size_t k = 0; k < pairs.size(); ++k) {
-        const Candidate& who = pairs[k].who;
-        const bool first = who.first >= 0 && has(who.first), second = has(who.second);
-        if (first || second) {
-          if (who.first < 0 || ((first || is_still(who.first, y)) && (second || is_still(who.second, y))))
-            continue;
-          const S gap = separation(pairs[k], y);
-          if (gap <= pairs[k].near) {
-            wake(pairs[k].who);
+        ContactPair<System>& pair = pairs[k];
+        const auto [first, second] = pair.who;
+        if (has_one_of(pair.who)) {
+          if (first < 0 || (stays_put(first, y) && stays_put(second, y))) continue;
+          pair.know_manifold(*system_, y);
+          const S gap = pair.manifold.separation;
+          if (gap <= pair.near) {
+            wake(pair.who);
             as_they_were = false;
+          } else if (gap > pair.near + reach(has(first) ? second : first, y, free, ways, time)) {
+            continue;
           }
-          if (gap > pairs[k].near + reach(first ? who.second : who.first, y, free, ways, time)) continue;
         }
         if (left != k) pairs[left] = pairs[k];
         ++left;
@@ -127,10 +128,9 @@ class SleepingIslands {
       if (data_.sleepers == 0) return false;
       bool woke = false;
       for (const auto& pair : pairs) {
-        if (pair.impact < time && ((pair.who.first >= 0 && has(pair.who.first)) || has(pair.who.second))) {
-          wake(pair.who);
-          woke = true;
-        }
+        if (!(pair.impact < time) || !has_one_of(pair.who)) continue;
+        wake(pair.who);
+        woke = true;
       }
       return woke;
     }
@@ -180,8 +180,6 @@ class SleepingIslands {
     for (std::size_t k = 0; k < islands.count(); ++k) slept |= end_step_of(islands[k], y, seconds);
     if (slept) memory.lay_by([&](int i) { return has(i); });
   }
-  /// Pairs of an island in a crowd whose forces are found to rounding.
-  static constexpr std::size_t most_precise = 12;
   struct Rest {
     Candidate who, moved;
   };
@@ -229,6 +227,11 @@ class SleepingIslands {
     return (*system_)[i].is_kinematic() && !data_.moved[index(i)] && y[i].velocity == Vec3<S>{} &&
            y[i].angular_velocity == Vec3<S>{};
   }
+  bool has_one_of(const Candidate& who) const {
+    return (who.first >= 0 && has(who.first)) || has(who.second);
+  }
+  /// Whether nothing moves body i but what wakes it.
+  bool stays_put(int i, const State& y) const { return has(i) || is_still(i, y); }
   /// The kinematic body of a pair that has one.
   static int kinematic_of(const Candidate& who, const Candidate& moved) {
     return moved.second == who.first ? who.second : who.first;
@@ -248,11 +251,6 @@ class SleepingIslands {
   void wake(const Candidate& who) {
     if (who.first >= 0) wake(who.first);
     wake(who.second);
-  }
-  S separation(const ContactPair<System>& pair, const State& y) const {
-    typename ContactPair<System>::Contact contact;
-    pair.find(*system_, y, contact);
-    return contact.separation;
   }
   /// How far a point of body i may get within `time`, m.
   template <class Ways>
@@ -279,6 +277,7 @@ class SleepingIslands {
       }
     };
     // Heaps are solved coarser, and what spins in them goes on for ever.
+    constexpr std::size_t most_precise = 12;
     const bool heap = is_crowd(*system_) && island.size() > most_precise;
     const S solved = heap ? as<S>(1e-8) : as<S>(Constants<S>::solved), little = as<S>(heap ? 1e-7 : 1e-9);
     each([&](int i) {
