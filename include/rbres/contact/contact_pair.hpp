@@ -47,6 +47,7 @@ struct ContactPair {
   std::array<MaskOf<S>, points> touching, resting;
   MaskOf<S> any_resting;
   bool known = false;  ///< whether the manifold is that of the present state
+  bool round = false;  ///< of a crowd: a ball and another body, or two capsules
   S impact;            ///< when it has one, s after the part begins, if that is before its end
   Surface<S> surface;
   S size;         ///< the smaller bounding radius, of the whole bodies, m
@@ -67,6 +68,7 @@ struct ContactPair {
     touch = as<S>(Constants<S>::touch) * size;
     near = as<S>(100.0) * touch;
     speed_scale = detail::speed_scale(size);
+    round = is_round(system);
     // A perfectly elastic contact never comes to rest by bouncing.
     rest_speed = select(surface.restitution < S(1), rest, minimum(rest, as<S>(1e-7))) * speed_scale;
     still = minimum(rest_speed, S(as<S>(100 * Constants<S>::touch) * speed_scale));
@@ -77,8 +79,8 @@ struct ContactPair {
   std::size_t place(std::size_t i) const { return parts.number() * points + i; }
   /// How many such numbers there are.
   static constexpr std::size_t places = Parts::count * points;
-  /// A plane's points are corners, always the same; where two bodies touch moves with their manifold.
-  bool fixed_points() const { return plane() || points == 1; }
+  /// A plane's points are corners, always the same; those of round bodies move, and others come and go.
+  bool fixed_points() const { return plane() || points == 1 || round; }
   /// How much deeper the pair may get in one part of a step, m. Bodies that rest on one another show a new
   /// point by its depth.
   S most_sinking() const {
@@ -131,6 +133,22 @@ struct ContactPair {
     Vec3<S> v = at(who.second);
     if (!plane()) v -= at(who.first);
     return dot(contact.normal, v);
+  }
+
+ private:
+  bool is_round(const System& system) const {
+    if constexpr (System::bodies != dynamic || Packed<S> || Parts::compound) {
+      return false;
+    } else {
+      if (plane() || !is_crowd(system)) return false;
+      const auto is_ball = [](const auto& s) { return std::is_same_v<std::decay_t<decltype(s)>, Sphere<S>>; };
+      const auto is_capsule = [](const auto& s) {
+        return std::is_same_v<std::decay_t<decltype(s)>, Capsule<S>>;
+      };
+      const auto &a = system[who.first].shape(), &b = system[who.second].shape();
+      return with_shape(a, is_ball) || with_shape(b, is_ball) ||
+             (with_shape(a, is_capsule) && with_shape(b, is_capsule));
+    }
   }
 };
 

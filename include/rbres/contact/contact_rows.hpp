@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <optional>
 #include <rbres/contact/contact_pair.hpp>
 #include <rbres/contact/coupled_newton.hpp>
 #include <rbres/contact/island_newton.hpp>
@@ -27,6 +28,8 @@ class ContactRows {
   struct Row : ContactRow<S> {
     std::size_t point;             ///< see ContactPair::place
     std::array<S, 3> before, way;  ///< impulse before a round, and the way it has gone, N s
+    std::optional<Vec3<S>>
+        way_halfway;  ///< of the point through half of a part, where it is taken up there, m
 
     /// See ContactPoint; of points with a plane only.
     void set_drift(const Vec3<S>& drift) { std::get_if<0>(&this->at)->set_drift(drift); }
@@ -118,13 +121,13 @@ class ContactRows {
   /// The same, coarser and faster, for what lasts no longer than the step. It starts with friction, from the
   /// forces of the part before.
   void solve_within_step(Motions& motion, const MaskOf<S>& where) {
-    constexpr int some = 24;
+    constexpr int some = 16;
     if (all(pairs_apart())) return solve(motion, where);
     sweep(motion, where, true, as<S>(1e4) * tolerance_, some);
   }
   /// Coarser still, where forces that are found next take up what is left.
   void sweep_within_step(Motions& motion, const MaskOf<S>& where) {
-    constexpr int some = 12;
+    constexpr int some = 6;
     sweep(motion, where, true, as<S>(1e6) * tolerance_, some);
   }
   /// The same of what Newton's method does not solve.
@@ -145,7 +148,7 @@ class ContactRows {
   /// motion where that is soon reached.
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance, const S& enough,
              bool moving) {
-    constexpr int few = 12, some = 40, many = 100;
+    constexpr int few = 12, some = 30, many = 100;
     const MaskOf<S> left = solve_directly(motion, where, friction, tolerance, enough);
     if (!any(left)) return;
     // Where no forces obey all laws, as in a jam, it fails again and again, at the price of many sweeps.
@@ -167,11 +170,14 @@ class ContactRows {
       if (any(off)) sweep_rows(motion, off, friction, tolerance, few);
       return;
     }
+    if (moving && friction) {
+      sweep(motion, where, true, as<S>(1e5) * tolerance, some);
+      return;
+    }
     const S coarse = coarser(tolerance);
-    MaskOf<S> open = left;
-    if (!(moving && friction)) open = sweep(motion, open, false, coarse, many);
-    if (friction) open = sweep(motion, where, true, coarse, moving ? some : many);
-    if (!(moving && any(open))) sweep(motion, where, friction, tolerance, few);
+    sweep(motion, left, false, coarse, many);
+    if (friction) sweep(motion, where, true, coarse, many);
+    sweep(motion, where, friction, tolerance, few);
   }
 
   static constexpr double most_failures = 40;

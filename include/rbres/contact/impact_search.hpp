@@ -70,12 +70,18 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
 
   // A point that overlaps and leaves comes back when it is as deep again. Where two bodies touch, their
   // points cannot be told apart, and edges may slide deeper while all points leave: there a new point shows
-  // by a depth that others do not reach. What that adds up to stays below most_sinking().
+  // by a depth that others do not reach. What that adds up to stays below most_sinking(), except in a heap:
+  // there pairs may be deeper already, and time must go on.
   MaskOf<S> touching(false);
   for (std::size_t i = 0; i < P; ++i) touching = touching | pair.touching[i];
-  const S spare = clamp(S(pair.most_sinking() + minimum(pair.manifold.separation, S(0))), S(0), pair.near);
-  const S allowance =
-      pair.fixed_points() ? S(0) : select(pair.any_resting, pair.near, select(touching, spare, S(0)));
+  const S least = select(sinking > S(0), pair.near, S(0));
+  const auto allowance_of = [&] {
+    if (pair.plane() || P == 1) return S(0);
+    if (pair.fixed_points()) return select(touching, least, S(0));
+    const S spare = clamp(S(pair.most_sinking() + minimum(pair.manifold.separation, S(0))), least, pair.near);
+    return select(pair.any_resting, pair.near, select(touching, spare, S(0)));
+  };
+  const S allowance = allowance_of();
   const S deep = sinking * pair.size;
   const auto lowest = [&](const typename Pair::Contact& contact) {
     const auto above = [&](const S& gap, const S& before) {  // the depth at which an impact is due

@@ -175,8 +175,8 @@ class RestingContacts {
     }
     const MaskOf<S> open = left > S(0);
     const S rate = S(1) / select(open, left, S(1));
-    // Forces over the shortest parts are rounding, and not worth keeping.
-    const S kept_rate = select(left * pull.largest() > as<S>(1e-4), rate, S(0));
+    // Forces over short parts make up for what is left of an impact: those before are nearer to the next.
+    const MaskOf<S> lasts = left * pull.largest() > as<S>(0.01), keeps_forces = open & lasts;
     memory_.start();
     auto& halfway = at_end_.room(pairs);
     turns_.start(bodies_, motion, left, pairs.size());
@@ -186,18 +186,24 @@ class RestingContacts {
         continue;
       }
       const bool moving = is_moving(pairs, island);
-      turns_.find_halfway(*system_, pairs, islands_[island], y, halfway);
+      turns_.find_halfway(*system_, pairs, islands_[island], y, motion, left, halfway);
       take_up(pairs, island, [&](std::size_t k, const Pair& pair, std::size_t i) {
-        const S target = closing_speed(pair, pair.manifold, i, pull) - pair.speed[i];
-        const auto add = [&](const typename Pair::Contact& there) -> auto& {
-          return rows_.add(pair, there, i, pair.resting[i], target, pair.surface.friction, end_);
+        const S leaves = closing_speed(pair, pair.manifold, i, pull);
+        const auto add = [&](const typename Pair::Contact& there, const S& speed, Motions& bodies) -> auto& {
+          const S target = leaves - speed;
+          return rows_.add(pair, there, i, pair.resting[i], target, pair.surface.friction, bodies);
         };
         if (!turns_.moves(k)) {
-          add(pair.manifold);
+          add(pair.manifold, pair.speed[i], end_);
           return;
         }
         const Vec3<S> way = halfway[k].point[i] - pair.manifold.point[i];
-        add(halfway[k]).set_drift(cross(motion[index(pair.who.second)].angular_velocity, way));
+        if (pair.plane()) {
+          const Vec3<S> drift = cross(motion[index(pair.who.second)].angular_velocity, way);
+          add(halfway[k], pair.speed[i], end_).set_drift(drift);
+        } else {
+          add(halfway[k], pair.opening(halfway[k], i, turns_.motion()), turns_.motion()).way_halfway = way;
+        }
       });
       rows_.each(end_, [&](auto& row, auto& point, auto& first, auto& second) {
         std::array<S, 3> impulse = memory_.force(row);
@@ -220,8 +226,13 @@ class RestingContacts {
         if (any(news)) solve(news);
       }
       rows_.each(end_, [&](auto& row, auto& point, auto&, auto&) {
-        memory_.keep(row, kept_rate, open);
-        if (row.moved.first >= 0) add_paired_force(row, point, y, end_, rate, forces_);
+        memory_.keep(row, rate, keeps_forces);
+        if (row.moved.first < 0) return;
+        if (row.way_halfway) {
+          add_moving_force(row, point, *row.way_halfway, motion, rate, forces_);
+        } else {
+          add_paired_force(row, point, y, end_, rate, forces_);
+        }
       });
     }
     memory_.finish(open);
@@ -232,7 +243,7 @@ class RestingContacts {
       const Vec3<S> spin = axes.transposed_times(m.angular_velocity - b.angular_velocity);
       RestingForce<S>& contact = forces_[index(i)];
       contact.force = (rate * (*system_)[i].mass()) * (m.velocity - b.velocity);
-      contact.torque = rate * (axes * scale((*system_)[i].inertia(), spin));
+      contact.torque += rate * (axes * scale((*system_)[i].inertia(), spin));
       turns_.turn(i, rate, contact);
     }
   }

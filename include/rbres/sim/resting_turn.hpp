@@ -44,6 +44,8 @@ class RestingTurns {
         planes_(per_body<S>(system)),
         turns_(per_body<MaskOf<S>>(system)),
         spins_(turns_),
+        motion_(per_body<Motion<S>>(system)),
+        state_(state_of(system)),
         foreseen_(half_),
         most_(planes_),
         seen_(per_body<int>(system)) {
@@ -58,19 +60,23 @@ class RestingTurns {
       upright_[index(i)] = {};
       planes_[index(i)] = S(0);
       const S turn2 = squared_norm(half_[index(i)]);
-      turns_[index(i)] = turn2 > as<S>(1e-20);  // its square is more than rounding
+      turns_[index(i)] = turn2 > as<S>(least_turn2);
       spins_[index(i)] = turn2 > as<S>(1e-12);  // its third power is, too
       foreseen_[index(i)] = {};
       most_[index(i)] = S(std::numeric_limits<typename Constants<S>::Real>::max());
     }
   }
 
-  /// Finds where an island's bodies touch their planes halfway through the part: a constant force acts with
-  /// that arm, to the second order.
+  /// Finds where an island's bodies touch their planes, and round bodies one another, halfway through the
+  /// part of so many seconds: a constant force acts with that arm, to the second order.
   void find_halfway(const System& system, const Pairs& pairs, Island island, const State& y,
-                    Contacts& halfway) {
+                    const Motions& motion, const S& seconds, Contacts& halfway) {
     for (const std::size_t k : island) {
       const Pair& pair = pairs[k];
+      if (!pair.plane()) {
+        moves_[k] = pair.round && find_halfway(system, pair, y, motion, S(as<S>(0.5) * seconds), halfway[k]);
+        continue;
+      }
       const MaskOf<S>& turns = turns_[index(pair.who.second)];
       moves_[k] = !Pair::central && pair.plane() && any(turns);
       if (!moves_[k]) continue;
@@ -80,8 +86,10 @@ class RestingTurns {
       pair.find_turned(system, y[pair.who.second], turn, halfway[k]);
     }
   }
-  /// Whether the points of pair k with its plane have moved there.
+  /// Whether pair k touches somewhere else there.
   bool moves(std::size_t k) const { return moves_[k]; }
+  /// The bodies there, of pairs that move and are not with a plane; as fast as at the start.
+  Motions& motion() { return motion_; }
 
   /// The torque on body i, mean over the part (1 / `rate` s), turns with it about the normal of the plane on
   /// which it rests: so does what that keeps from tilting.
@@ -137,6 +145,30 @@ class RestingTurns {
  private:
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
+  /// Finds how two round bodies meet after `seconds` in which nothing acts on them. False where they do not
+  /// turn, or meet otherwise there.
+  bool find_halfway(const System& system, const Pair& pair, const State& y, const Motions& motion,
+                    const S& seconds, typename Pair::Contact& contact) {
+    bool turned = false;
+    for (const int i : {pair.who.first, pair.who.second}) {
+      Motion<S>& there = motion_[index(i)];
+      there = motion[index(i)];
+      there.position += seconds * there.velocity;
+      const Vec3<S> turn = seconds * there.angular_velocity;
+      turned |= any(squared_norm(turn) > as<S>(least_turn2));
+      state_[i] = y[i];
+      state_[i].position = there.position;
+      state_[i].orientation = quaternion_exp(turn) * y[i].orientation;
+    }
+    if (!turned) return false;
+    pair.find(system, state_, contact);
+    const S none(contact.none / 2);
+    for (std::size_t i = 0; i < Pair::points; ++i) {
+      if (any(contact.gap[i] < none) != any(pair.manifold.gap[i] < none)) return false;
+    }
+    return true;
+  }
+
   /// A body rests on a plane in the lanes `where`. Another one leaves it no axis.
   void note_plane(std::size_t body, const Vec3<S>& normal, const MaskOf<S>& where) {
     const MaskOf<S> other = where & (dot(normal, upright_[body]) < as<S>(0.999));
@@ -144,15 +176,19 @@ class RestingTurns {
     planes_[body] += select(where, S(1), S(0));
   }
 
+  static constexpr double least_turn2 = 1e-20;  ///< square of a turn whose square is more than rounding
+
   PerBody<Vec3<S>, System::bodies> half_;             ///< turn until halfway, rad, world frame
   PerBody<Vec3<S>, System::bodies> upright_;          ///< normal of the only plane on which it rests, or zero
   PerBody<S, System::bodies> planes_;                 ///< on which it rests
   PerBody<MaskOf<S>, System::bodies> turns_, spins_;  ///< where the square, the third power of that counts
+  Motions motion_;                                    ///< of round bodies halfway
+  State state_;                                       ///< the same
   PerBody<Vec3<S>, System::bodies> foreseen_;         ///< change of the end's angular velocity, rad/s
   PerBody<S, System::bodies> most_;                   ///< square of what it may change by next
   PerBody<int, System::bodies> seen_;                 ///< in which round that was
   int round_ = 0;
-  Reserved<char, pair_room<System>> moves_;  ///< which pairs' points move with a turn about their plane
+  Reserved<char, pair_room<System>> moves_;  ///< which pairs touch somewhere else halfway
 };
 
 }  // namespace rbres::RBRES_ABI::detail

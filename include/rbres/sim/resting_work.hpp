@@ -35,14 +35,20 @@ struct RestingForce {
   }
 };
 
+/// The force of a point whose impulse lasts for 1 / `rate` seconds, N, world frame.
+template <class Row, class Point, class S>
+Vec3<S> force_of(const Row& row, const Point& point, const S& rate) {
+  Vec3<S> force;
+  for (std::size_t d = 0; d < 3; ++d) force += (rate * row.impulse()[d]) * point.direction(d);
+  return force;
+}
 /// Adds the force of a point between two bodies (impulse times `rate`), which moves from where y has it to
 /// where `end` has it.
 template <class Row, class Point, class State, class Motions, class Forces, class S>
 void add_paired_force(const Row& row, const Point& point, const State& y, const Motions& end, const S& rate,
                       Forces& contact) {
   const auto index = [](int i) { return static_cast<std::size_t>(i); };
-  Vec3<S> force;
-  for (std::size_t d = 0; d < 3; ++d) force += (rate * row.impulse()[d]) * point.direction(d);
+  const Vec3<S> force = force_of(row, point, rate);
   const auto first = index(row.moved.first), second = index(row.moved.second);
   const S &a = end[first].inverse_mass, &b = end[second].inverse_mass;
   const auto along = [&](const Vec3<S>& v, const Vec3<S>& w) { return (S(1) / (a + b)) * (a * v + b * w); };
@@ -55,6 +61,21 @@ void add_paired_force(const Row& row, const Point& point, const State& y, const 
   contact[first].paired -= force;
   contact[first].drift -= drift;
   contact[first].bend -= bend;
+}
+/// The same of a point that goes `way` (m) from where `start` has it until halfway, where the torque of its
+/// impulse was found.
+template <class Row, class Point, class Motions, class Forces, class S>
+void add_moving_force(const Row& row, const Point& point, const Vec3<S>& way, const Motions& start,
+                      const S& rate, Forces& contact) {
+  const auto add = [&](int body, const Vec3<S>& force) {
+    const auto i = static_cast<std::size_t>(body);
+    contact[i].paired += force;
+    contact[i].drift += cross(S(as<S>(2.0) * rate) * way, force);
+    contact[i].torque -= cross(way - S(as<S>(0.5) / rate) * start[i].velocity, force);
+  };
+  const Vec3<S> force = force_of(row, point, rate);
+  add(row.moved.second, force);
+  add(row.moved.first, -force);
 }
 
 }  // namespace rbres::RBRES_ABI::detail
