@@ -121,13 +121,13 @@ class ContactRows {
   /// The same, coarser and faster, for what lasts no longer than the step. It starts with friction, from the
   /// forces of the part before.
   void solve_within_step(Motions& motion, const MaskOf<S>& where) {
-    constexpr int some = 16;
+    constexpr int some = 12;
     if (all(pairs_apart())) return solve(motion, where);
     sweep(motion, where, true, as<S>(1e4) * tolerance_, some);
   }
   /// Coarser still, where forces that are found next take up what is left.
   void sweep_within_step(Motions& motion, const MaskOf<S>& where) {
-    constexpr int some = 6;
+    constexpr int some = 4;
     sweep(motion, where, true, as<S>(1e6) * tolerance_, some);
   }
   /// The same of what Newton's method does not solve.
@@ -148,7 +148,7 @@ class ContactRows {
   /// motion where that is soon reached.
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance, const S& enough,
              bool moving) {
-    constexpr int few = 12, some = 30, many = 100;
+    constexpr int few = 12, some = 20, many = 100;
     const MaskOf<S> left = solve_directly(motion, where, friction, tolerance, enough);
     if (!any(left)) return;
     // Where no forces obey all laws, as in a jam, it fails again and again, at the price of many sweeps.
