@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <functional>
+#include <numbers>
 #include <numeric>
 #include <rbres/rbres.hpp>
 #include <type_traits>
@@ -219,6 +220,69 @@ TEST_CASE("energy never rises, and a heap of clusters comes to rest") {
     CHECK(watch.rise < 1e-10 * start);
     CHECK(watch.deepest > -1e-4);
   }
+}
+
+TEST_CASE("a capsule that rocks on two nearly parallel ones neither sinks in nor gains energy, in a crowd") {
+  // Where it touches them runs along the axes by the tilt over the square of the skew.
+  for (const double skew : {0.005, 0.011, 0.015, 0.02, 0.03, 0.04}) {
+    CAPTURE(skew);
+    const Material<double> material{0, 0.5};
+    std::vector<Body<double>> bodies;
+    State y;
+    const auto lie = [&](double x, double z, double about_z, double tilt) {
+      bodies.push_back({Capsule{0.07, 0.1}, 1.0, material});
+      auto body = at(x, 0, z);
+      body.orientation = quaternion_exp(Vec3<double>{0, 0, about_z}) *
+                         quaternion_exp(Vec3<double>{std::numbers::pi / 2 + tilt, 0, 0});
+      y.body.push_back(body);
+    };
+    lie(-0.08, 0.07, skew, 0);
+    lie(0.08, 0.07, -skew, 0);
+    lie(0, 0.2, 0, 0.02);
+    for (int k = 0; k < 12; ++k) {
+      bodies.push_back({Sphere{0.1}, 1.0, material});
+      y.body.push_back(at(0, 1 + 0.5 * k, 0.1));
+    }
+    const double half = 0.15 + 0.1 * skew;
+    const Plane<double> left{{1, 0, 0}, -half, material}, right{{-1, 0, 0}, -half, material};
+    const Crowd world{bodies, {floor_plane(material), left, right}};
+    const Vec3<double> g{0, 0, -9.81};
+    const double start = energy(world, y, g);
+    Watch watch{world, g, start};
+    const auto report = simulate(world, y, Gravity{}, Rk4{},
+                                 {.step = 2e-3, .duration = 2, .sample_rate = 500}, std::ref(watch));
+    CHECK(report.overruns == 0);
+    CHECK(watch.rise < 2e-7 * start);
+    CHECK(watch.deepest > -3e-5);
+  }
+}
+
+TEST_CASE("a clump that spins keeps its momentum where its bodies roll on one another") {
+  std::vector<Body<double>> bodies;
+  State y;
+  for (int k = 0; k < 18; ++k) {
+    const Material<double> material{0.2, 0.6};
+    if (k % 2 == 0) bodies.push_back({Sphere{0.08 + 0.002 * k}, 0.5 + 0.1 * k, material});
+    if (k % 2 == 1) bodies.push_back({Capsule{0.06, 0.1}, 1.0 + 0.05 * k, material});
+    auto body = at(0.4 * (k % 3), 0.4 * (k / 3 % 3), 0.4 * (k / 9));
+    body.orientation = normalized(Quat<double>{0.1 * (k % 7), 0.3, -0.2, 0.9});
+    body.velocity = cross(Vec3<double>{0, 0, 1}, body.position);
+    body.angular_velocity = {0.3 * (k % 5), 0.2, -0.4};
+    y.body.push_back(body);
+  }
+  const Crowd world{bodies, {}};
+  // Towards the origin: no torque about it.
+  const auto pull = [&](const auto& body, const RigidState<double>& state) {
+    return Wrench<double>{(-20 * body.mass()) * state.position, {}};
+  };
+  const auto before = angular_momentum(world, y);
+  const auto report = simulate(world, y, pull, Rk4{}, {.step = 2e-3, .duration = 2, .sample_rate = 50});
+  CHECK(report.overruns == 0);
+  const auto after = angular_momentum(world, y);
+  int touching = 0;
+  for (const auto& contact : contacts(world, y)) touching += contact.gap < 1e-5;
+  CHECK(touching > 10);
+  CHECK(norm(after - before) < 1e-9 * norm(before));
 }
 
 /// Counts the moments at which impacts are resolved.

@@ -28,7 +28,7 @@ Manifold<S, 1> detect(const Sphere<S>& a, const Pose<S>& pa, const Capsule<S>& b
 /// parallel, so that one capsule can lie on another, both ends of their overlap: between where they stand on
 /// either axis, across the mean of both, so that no order of the two is preferred. In between, the points
 /// move from where the axes are closest to these ends: no turn makes them, or a gap, jump. Below a skew of
-/// 0.1 rad they are the ends of a short line, over which the gap grows by 5e-7 of the radii: where axes are
+/// 0.1 rad they are the ends of a short line, over which the gap grows by 5e-6 of the radii: where axes are
 /// closest moves along them by the tilt over the square of the skew, faster than a step can follow.
 template <class S>
 Manifold<S, 2> detect(const Capsule<S>& a, const Pose<S>& pa, const Capsule<S>& b, const Pose<S>& pb) {
@@ -49,7 +49,7 @@ Manifold<S, 2> detect(const Capsule<S>& a, const Pose<S>& pa, const Capsule<S>& 
   const S share = lies * clamp(S((as<S>(1e-4) - sine2) * as<S>(1 / 9e-5)), S(0), S(1));
   // Half of the line.
   const S skew = positive_root(maximum(sine2, as<S>(1e-12)));
-  const S half_line = as<S>(1e-3) * lies * wide * maximum(S(inverse(skew) - as<S>(10.0)), S(0));
+  const S half_line = as<S>(3e-3) * lies * wide * maximum(S(inverse(skew) - as<S>(10.0)), S(0));
   const MaskOf<S> two = half_line > S(0);
 
   S s = clamp(S((cosine * f - c) / maximum(sine2, as<S>(1e-6))), S(-a.half_length), a.half_length);
