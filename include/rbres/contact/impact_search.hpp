@@ -74,11 +74,11 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
   // there pairs may be deeper already, and time must go on.
   MaskOf<S> touching(false);
   for (std::size_t i = 0; i < P; ++i) touching = touching | pair.touching[i];
-  const S least = select(sinking > S(0), pair.near, S(0));
+  const S room = select(sinking > S(0), pair.near, S(0));
   const auto allowance_of = [&] {
     if (pair.plane() || P == 1) return S(0);
-    if (pair.fixed_points()) return select(touching, least, S(0));
-    const S spare = clamp(S(pair.most_sinking() + minimum(pair.manifold.separation, S(0))), least, pair.near);
+    if (pair.fixed_points()) return select(touching, room, S(0));
+    const S spare = clamp(S(pair.most_sinking() + minimum(pair.manifold.separation, S(0))), room, pair.near);
     return select(pair.any_resting, pair.near, select(touching, spare, S(0)));
   };
   const S allowance = allowance_of();

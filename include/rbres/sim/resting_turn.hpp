@@ -146,7 +146,7 @@ class RestingTurns {
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
   /// Finds how two round bodies meet after `seconds` in which nothing acts on them. False where they do not
-  /// turn, or meet otherwise there.
+  /// turn, or meet otherwise there, or so far away that torques would change faster than the integrator sees.
   bool find_halfway(const System& system, const Pair& pair, const State& y, const Motions& motion,
                     const S& seconds, typename Pair::Contact& contact) {
     bool turned = false;
@@ -162,9 +162,11 @@ class RestingTurns {
     }
     if (!turned) return false;
     pair.find(system, state_, contact);
-    const S none(contact.none / 2);
+    const S none(contact.none / 2), farthest2 = square(S(as<S>(0.05) * pair.size));
     for (std::size_t i = 0; i < Pair::points; ++i) {
-      if (any(contact.gap[i] < none) != any(pair.manifold.gap[i] < none)) return false;
+      const bool there = any(contact.gap[i] < none);
+      if (there != any(pair.manifold.gap[i] < none)) return false;
+      if (there && any(squared_norm(contact.point[i] - pair.manifold.point[i]) > farthest2)) return false;
     }
     return true;
   }
