@@ -224,6 +224,7 @@ TEST_CASE("energy never rises, and a heap of clusters comes to rest") {
 
 TEST_CASE("a capsule that rocks on two nearly parallel ones neither sinks in nor gains energy, in a crowd") {
   // Where it touches them runs along the axes by the tilt over the square of the skew.
+  double rise = 0;
   for (const double skew : {0.005, 0.011, 0.015, 0.02, 0.03, 0.04}) {
     CAPTURE(skew);
     const Material<double> material{0, 0.5};
@@ -252,9 +253,10 @@ TEST_CASE("a capsule that rocks on two nearly parallel ones neither sinks in nor
     const auto report = simulate(world, y, Gravity{}, Rk4{},
                                  {.step = 2e-3, .duration = 2, .sample_rate = 500}, std::ref(watch));
     CHECK(report.overruns == 0);
-    CHECK(watch.rise < 2e-7 * start);
-    CHECK(watch.deepest > -3e-5);
+    CHECK(watch.deepest > -5e-5);
+    rise += watch.rise / start;
   }
+  CHECK(rise < 1e-6);  // it was 3e-6 where they touched in a point
 }
 
 TEST_CASE("a clump that spins keeps its momentum where its bodies roll on one another") {

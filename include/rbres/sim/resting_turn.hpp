@@ -162,7 +162,7 @@ class RestingTurns {
     }
     if (!turned) return false;
     pair.find(system, state_, contact);
-    const S none(contact.none / 2), farthest2 = square(S(as<S>(0.05) * pair.size));
+    const S none(contact.none / 2), farthest2 = square(S(as<S>(0.2) * pair.size));
     for (std::size_t i = 0; i < Pair::points; ++i) {
       const bool there = any(contact.gap[i] < none);
       if (there != any(pair.manifold.gap[i] < none)) return false;
