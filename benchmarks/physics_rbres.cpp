@@ -224,10 +224,10 @@ const bool registered = [] {
   register_kind<Pack<float, native_lanes<float>>>("lanes", ContactMode::discrete);
   register_kind<double>("continuous", ContactMode::continuous);
   register_scaling<2, 5, 8, 27, 64, 125, 216>();
-  register_scene<RbresCrowd<AnyShape<double>>>("pile60/rbres", pile(60));
-  register_scene<RbresCrowd<Box<double>>>("stack20/rbres", stack(20));
-  register_scene<RbresCrowd<Sphere<double>>>("gas64/rbres", gas(64));
-  register_scene<RbresCrowd<Sphere<double>>>("gas1000/rbres", gas(1000));
+  register_scenes<RbresCrowd<AnyShape<double>>>("pile60/rbres", piles(60));
+  register_scenes<RbresCrowd<Box<double>>>("stack20/rbres", {stack(20)});
+  register_scenes<RbresCrowd<Sphere<double>>>("gas64/rbres", {gas(64)});
+  register_scenes<RbresCrowd<Sphere<double>>>("gas1000/rbres", {gas(1000)});
   register_dataset<BodySet::standard>();
   register_dataset<BodySet::box>();
   return true;

@@ -57,14 +57,15 @@ void register_rows(Shape shape, const std::string& engine, const Build& build) {
   add("/10ms", 0.010);
 }
 
-/// Registers WORK/ENGINE: one scene in steps of 2 ms, in an Engine(scene, step, options...).
+/// Registers WORK/ENGINE: scenes of the same length in steps of 2 ms, each in an Engine(scene, step,
+/// options...).
 template <class Engine, class... Options>
-void register_scene(const std::string& name, const Scene& scene, Options... options) {
+void register_scenes(const std::string& name, const std::vector<Scene>& scenes, Options... options) {
   benchmark::RegisterBenchmark(name.c_str(), [=](benchmark::State& state) {
     constexpr double step = 0.002;
-    run_scenes(state, 1, scene.seconds, step, [&] {
+    run_scenes(state, static_cast<int>(scenes.size()), scenes.front().seconds, step, [&] {
       std::deque<Engine> engines;
-      engines.emplace_back(scene, step, options...);
+      for (const Scene& scene : scenes) engines.emplace_back(scene, step, options...);
       return engines;
     });
   })->Unit(benchmark::kMillisecond);
@@ -85,9 +86,9 @@ bool register_peer(const std::string& engine, Options... options) {
 /// The rows of a peer with many bodies.
 template <class Peer>
 bool register_crowds(const std::string& engine) {
-  register_scene<Peer>("pile60/" + engine, pile(60));
-  register_scene<Peer>("stack20/" + engine, stack(20));
-  register_scene<Peer>("gas1000/" + engine, gas(1000));
+  register_scenes<Peer>("pile60/" + engine, piles(60));
+  register_scenes<Peer>("stack20/" + engine, {stack(20)});
+  register_scenes<Peer>("gas1000/" + engine, {gas(1000)});
   return true;
 }
 

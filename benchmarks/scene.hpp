@@ -126,8 +126,8 @@ inline std::vector<Wall> pit(double half_width) {
           {{0.0, -1.0, 0.0}, -half_width}};
 }
 
-/// Spheres, boxes and capsules that fall into a pit and come to rest in a heap.
-inline Scene pile(int bodies) {
+/// Spheres, boxes and capsules that fall into a pit and come to rest in a heap. Starts differ by 1e-6 m each.
+inline Scene pile(int bodies, int start) {
   Scene pile;
   pile.walls = pit(0.6);
   pile.restitution = 0.3;
@@ -143,7 +143,16 @@ inline Scene pile(int bodies) {
     item.start.orientation = {std::sin(0.5 * i), 0.0, 0.0, std::cos(0.5 * i)};
     pile.items.push_back(item);
   }
+  pile.items.front().start.position[0] += 1e-6 * start;
   return pile;
+}
+
+/// How such a heap comes to rest, and how long that takes, the least difference decides: so there are
+/// several.
+inline std::vector<Scene> piles(int bodies) {
+  std::vector<Scene> all;
+  for (int start = 0; start < 8; ++start) all.push_back(pile(bodies, start));
+  return all;
 }
 
 /// Boxes that stand on one another.
