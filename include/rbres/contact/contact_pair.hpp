@@ -137,7 +137,7 @@ struct ContactPair {
 
  private:
   bool is_round(const System& system) const {
-    if constexpr (System::bodies != dynamic || Packed<S> || Parts::compound) {
+    if constexpr (Parts::compound) {
       return false;
     } else {
       if (plane() || !is_crowd(system)) return false;

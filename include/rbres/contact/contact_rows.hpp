@@ -26,10 +26,9 @@ class ContactRows {
 
  public:
   struct Row : ContactRow<S> {
-    std::size_t point;             ///< see ContactPair::place
-    std::array<S, 3> before, way;  ///< impulse before a round, and the way it has gone, N s
-    std::optional<Vec3<S>>
-        way_halfway;  ///< of the point through half of a part, where it is taken up there, m
+    std::size_t point;                   ///< see ContactPair::place
+    std::array<S, 3> before, way;        ///< impulse before a round, and the way it has gone, N s
+    std::optional<Vec3<S>> way_halfway;  ///< of a point taken up where it is halfway through a part, m
 
     /// See ContactPoint; of points with a plane only.
     void set_drift(const Vec3<S>& drift) { std::get_if<0>(&this->at)->set_drift(drift); }
@@ -170,7 +169,7 @@ class ContactRows {
       if (any(off)) sweep_rows(motion, off, friction, tolerance, few);
       return;
     }
-    if (moving && friction) {
+    if (moving) {
       sweep(motion, where, true, as<S>(1e5) * tolerance, some);
       return;
     }

@@ -78,7 +78,7 @@ class RestingTurns {
         continue;
       }
       const MaskOf<S>& turns = turns_[index(pair.who.second)];
-      moves_[k] = !Pair::central && pair.plane() && any(turns);
+      moves_[k] = !Pair::central && any(turns);
       if (!moves_[k]) continue;
       note_plane(index(pair.who.second), pair.manifold.normal,
                  pair.any_resting & spins_[index(pair.who.second)]);
@@ -149,18 +149,17 @@ class RestingTurns {
   /// turn, or meet otherwise there, or so far away that torques would change faster than the integrator sees.
   bool find_halfway(const System& system, const Pair& pair, const State& y, const Motions& motion,
                     const S& seconds, typename Pair::Contact& contact) {
-    bool turned = false;
+    const auto turn = [&](int i) { return seconds * motion[index(i)].angular_velocity; };
+    const auto turns = [&](int i) { return any(squared_norm(turn(i)) > as<S>(least_turn2)); };
+    if (!turns(pair.who.first) && !turns(pair.who.second)) return false;
     for (const int i : {pair.who.first, pair.who.second}) {
       Motion<S>& there = motion_[index(i)];
       there = motion[index(i)];
       there.position += seconds * there.velocity;
-      const Vec3<S> turn = seconds * there.angular_velocity;
-      turned |= any(squared_norm(turn) > as<S>(least_turn2));
       state_[i] = y[i];
       state_[i].position = there.position;
-      state_[i].orientation = quaternion_exp(turn) * y[i].orientation;
+      state_[i].orientation = quaternion_exp(turn(i)) * y[i].orientation;
     }
-    if (!turned) return false;
     pair.find(system, state_, contact);
     const S none(contact.none / 2), farthest2 = square(S(as<S>(0.2) * pair.size));
     for (std::size_t i = 0; i < Pair::points; ++i) {
