@@ -46,8 +46,10 @@ class IslandEquations {
     moved_.reserve(6 * n);
   }
 
-  /// A new island without points.
-  void clear() {
+  /// A new island, of the bodies of these rows (ContactRows): they get their places in the order in which rows
+  /// name them. False where the matrix would be too large.
+  template <class Rows, class Motions>
+  bool name_bodies(Rows& rows, Motions& motion) {
     for (const int body : bodies_) place_[static_cast<std::size_t>(body)] = plane;
     bodies_.clear();
     first_.clear();
@@ -58,31 +60,35 @@ class IslandEquations {
         first_.push_back(0);
       }
     }
+    rows.each(motion, [&](auto& row, auto&, auto&, auto&) {
+      const std::size_t second = name(row.moved.second);
+      if (row.moved.first < 0) return;
+      const std::size_t first = name(row.moved.first);
+      const auto [low, high] = std::minmax(first, second);
+      first_[high] = std::min(first_[high], low);
+    });
+    return shape_matrix();
   }
-  /// The Jacobian of a point between `who`, of which contacts move `moved` (see ContactPair). Bodies get
-  /// their places in the order in which they are named.
+  /// The Jacobian of a point between `who`, of which contacts move `moved` (see ContactPair).
   template <class Point>
-  Jacobian jacobian(const Candidate& who, const Candidate& moved, const Point& point) {
+  Jacobian jacobian(const Candidate& who, const Candidate& moved, const Point& point) const {
     Jacobian j{};
     j.first = plane;
-    j.second = place(moved.second);
+    j.second = place_[static_cast<std::size_t>(moved.second)];
     j.on_second = lines_on_second<S>(point);
     if constexpr (requires { point.first_arm(0); }) {
       j.on_first = lines_on_first<S>(point);
       if (moved.first >= 0) {
-        j.first = place(moved.first);
-        const auto [low, high] = std::minmax(j.first, j.second);
-        first_[high] = std::min(first_[high], low);
+        j.first = place_[static_cast<std::size_t>(moved.first)];
       } else if (moved.second == who.first) {
         j.on_second = j.on_first;
       }
     }
     return j;
   }
-  /// Takes up the bodies that have been named. False where the matrix would be too large.
+  /// Takes up the bodies that have been named.
   template <class Motions>
-  bool shape(const Motions& motion) {
-    if (!shape_matrix()) return false;
+  void take_bodies(const Motions& motion) {
     step_.resize(6 * bodies_.size());
     moved_.resize(6 * bodies_.size());
     inertia_.clear();
@@ -97,7 +103,6 @@ class IslandEquations {
       }
       inertia_.push_back({inverse(m.inverse_mass), symmetric_inverse(m.inverse_inertia)});
     }
-    return true;
   }
   /// Gives these bodies the motions that they had then.
   template <class Motions>
@@ -211,7 +216,7 @@ class IslandEquations {
       return matrix_.shape(bodies_.size());
     }
   }
-  std::size_t place(int body) {
+  std::size_t name(int body) {
     std::size_t& at = place_[static_cast<std::size_t>(body)];
     if (at == plane) {
       at = bodies_.size();

@@ -26,15 +26,16 @@ class IslandNewton {
   /// Takes up the rows of an island. False where it is too large.
   template <class Rows, class Motions>
   bool take_up(Rows& rows, Motions& motion) {
+    if (!equations_.name_bodies(rows, motion)) return false;
     rows_.clear();
-    equations_.clear();
     rows.each(motion, [&](auto& row, auto& point, auto&, auto&) {
       RowState& r = rows_.emplace_back();
       r.jacobian = equations_.jacobian(row.who, row.moved, point);
       r.active = row.active;
       r.start = point.impulse();
     });
-    return equations_.shape(motion);
+    equations_.take_bodies(motion);
+    return true;
   }
 
   /// Changes the impulses of `rows` (ContactRows), which have been taken up, and the velocities in `motion`

@@ -18,8 +18,8 @@ class IslandPoints {
   /// Takes up the rows of an island (ContactRows) and the motions of its bodies. False where it is too large.
   template <class Rows, class Motions>
   bool take_up(Rows& rows, Motions& motion, bool friction) {
+    if (!equations_.name_bodies(rows, motion)) return false;
     rows_.clear();
-    equations_.clear();
     rows.each(motion, [&](auto& row, auto& point, auto& first, auto& second) {
       RowState& r = rows_.emplace_back();
       r.take(point, row.active);
@@ -29,7 +29,8 @@ class IslandPoints {
       r.left = {point.velocity(0, first, second) - row.target, point.velocity(1, first, second),
                 point.velocity(2, first, second)};
     });
-    return equations_.shape(motion);
+    equations_.take_bodies(motion);
+    return true;
   }
   /// Gives them the best impulses, and their bodies the velocities that these leave.
   template <class Rows, class Motions>
