@@ -27,6 +27,7 @@ class Impacts {
     info_.reserve(rows_.capacity());
     where_.reserve(rows_.capacity());
     hit_.reserve(most_part_pairs(system));
+    touching_.reserve(most_part_pairs(system));
   }
 
   /// A new step of `bodies`: none has been hit yet.
@@ -51,9 +52,17 @@ class Impacts {
                     CountOf<S>& count, const Note& note) {
     MaskOf<S> changed(false);
     for (const int i : bodies) changed_[std::size_t(i)] = changed;
+    touching_.clear();
+    hit_.resize(pairs.size());
+    for (std::size_t k = 0; k < pairs.size(); ++k) {
+      MaskOf<S> touches(false);
+      for (const MaskOf<S>& point : pairs[k].touching) touches = touches | point;
+      hit_[k] = {changed, changed, changed, touches, pairs[k].surface};
+      if (any(touches)) touching_.push_back(k);
+    }
     for (int pass = 0; pass < passes; ++pass) {
       if (!find_hits(pairs, motion, pass == passes - 1)) break;
-      for (std::size_t k = 0; k < pairs.size(); ++k) {
+      for (const std::size_t k : touching_) {
         const MaskOf<S>& hit = hit_[k].hit;
         if (!any(hit)) continue;
         changed = changed | hit;
@@ -64,7 +73,7 @@ class Impacts {
       }
       for (std::size_t i = 0; i < islands_.count(); ++i) resolve_island(islands_[i], pairs, motion, note);
       if (pass == passes - 1) {
-        for (const Hit& h : hit_) unresolved_ = unresolved_ | h.hit;
+        for (const std::size_t k : touching_) unresolved_ = unresolved_ | hit_[k].hit;
       }
     }
     return changed;
@@ -81,6 +90,7 @@ class Impacts {
     MaskOf<S> hit;      ///< approaches faster than the rest speed
     MaskOf<S> plastic;  ///< does not bounce
     MaskOf<S> joins;    ///< is solved together with its neighbours
+    MaskOf<S> touches;
     Surface<S> surface;
   };
   using Infos = Reserved<ImpactPoint<S>, row_room<System>>;
@@ -107,38 +117,35 @@ class Impacts {
 
   /// Finds the pairs that have an impact, and their islands. False where there is none.
   bool find_hits(const ContactPairs<System>& pairs, const Motions& motion, bool last) {
-    hit_.resize(pairs.size());
     MaskOf<S> none(false), found(false);
-    for (std::size_t k = 0; k < pairs.size(); ++k) {
+    for (const std::size_t k : touching_) {
       const Pair& pair = pairs[k];
       Hit& h = hit_[k];
-      h.hit = h.joins = none;
+      h.hit = none;
       h.surface = pair.surface;
-      MaskOf<S> touches(false);
       for (std::size_t i = 0; i < P; ++i) {
         if (!any(pair.touching[i])) continue;
         const MaskOf<S> fast = pair.opening(pair.manifold, i, motion) < -pair.rest_speed;
         h.hit = h.hit | (pair.touching[i] & fast);
-        touches = touches | pair.touching[i];
       }
       S answers = answered_[std::size_t(pair.moved.second)];
       if (pair.moved.first >= 0) answers = maximum(answers, answered_[std::size_t(pair.moved.first)]);
       const MaskOf<S> tired = answers > as<S>(double(last ? -1 : most_answers));
       h.surface.restitution = select(tired, S(0), h.surface.restitution);
       h.plastic = h.surface.restitution <= S(0);
-      h.joins = h.hit | (touches & h.plastic);
+      h.joins = h.hit | (h.touches & h.plastic);
       found = found | h.hit;
     }
     if (!any(found)) return false;
 
-    for (const Pair& pair : pairs) {
-      for (const int i : {pair.moved.first, pair.moved.second}) {
+    for (const std::size_t k : touching_) {
+      for (const int i : {pairs[k].moved.first, pairs[k].moved.second}) {
         if (i >= 0) used_[std::size_t(i)] = none;
       }
     }
     MaskOf<S> shared(false);
     islands_.clear();
-    for (std::size_t k = 0; k < pairs.size(); ++k) {
+    for (const std::size_t k : touching_) {
       if (!any(hit_[k].joins)) continue;
       islands_.add(k, pairs[k].moved.first, pairs[k].moved.second);
       for (const int i : {pairs[k].moved.first, pairs[k].moved.second}) {
@@ -253,6 +260,7 @@ class Impacts {
   Infos info_;
   Reserved<Vec3<S>, row_room<System>> where_;  ///< they are, where somebody listens
   Reserved<Hit, pair_room<System>> hit_;
+  Reserved<std::size_t, pair_room<System>> touching_;  ///< pairs
   MaskOf<S> shared_{false};  ///< where two pairs that have an impact share a body
 };
 

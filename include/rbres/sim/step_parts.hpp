@@ -48,10 +48,12 @@ class StepParts {
                   const S& t, const S& h) {
     resting_.continue_from(y);
     sleeping_.forget_rests();
+    flown_ = false;
     if constexpr (may_sleep<Model>) {
       if (sleeping_.any()) {
         fly_bodies(*system_, all, forces, integrator, y, t, h, free_);
         sleeping_.start_step(y, free_);
+        flown_ = true;
       }
     }
     return !sleeping_.all_sleep(y);
@@ -83,7 +85,7 @@ class StepParts {
   void fly_freely(const Bodies& bodies, const Model& forces, const Integrator& integrator, const State& y,
                   const S& t, const S& h) {
     bodies_ = bodies;
-    fly_to(free_, forces, integrator, y, t, h);
+    if (!flown_) fly_to(free_, forces, integrator, y, t, h);
     sleeping_.hold(bodies_, y, free_);
     search_.start_part(bodies_);
   }
@@ -339,6 +341,7 @@ class StepParts {
   Impacts<System> impacts_;
   RestingContacts<System> resting_;
   State free_;                   ///< after free flight
+  bool flown_ = false;           ///< whether that is of all bodies over the step that starts
   State part_end_;               ///< where the present part of the step ends
   Motions motion_, end_motion_;  ///< where the part begins and ends
   State probe_;                  ///< for the search of an impact
