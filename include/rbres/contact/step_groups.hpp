@@ -26,7 +26,8 @@ S extent_along(const Capsule<S>& capsule, const Vec3<S>& direction) {
 /// @}
 
 /// The groups of bodies that cannot meet one another within a step, whatever happens inside them: each takes
-/// the step by itself. Kinematic bodies join nothing, and belong to each group that may meet them.
+/// the step by itself. Kinematic bodies and those that sleep join nothing, and belong to each group that may
+/// meet them.
 template <class System>
 class StepGroups {
   using S = typename System::Scalar;
@@ -40,7 +41,8 @@ class StepGroups {
         islands_(system),
         reach_(per_body<S>(system)),
         ball_(reach_),
-        meets_(per_body<bool>(system)) {
+        stays_(per_body<bool>(system)),
+        meets_(stays_) {
     const auto n = static_cast<std::size_t>(system.size());
     alone_.reserve(n);
     kinematic_.reserve(n);
@@ -52,8 +54,11 @@ class StepGroups {
   }
 
   /// Finds the groups for a step of `time` seconds from y, in which bodies alone go `way` m and end at
-  /// `free`. False where the system is one group.
-  bool find(const State& y, const State& free, const Ways& way, const S& time) {
+  /// `free`. `stays(i)`: whether body i sleeps, or is a still kinematic body. False where the system is one
+  /// group.
+  template <class Stays>
+  bool find(const State& y, const State& free, const Ways& way, const S& time, const Stays& stays) {
+    for (int i = 0; i < system_->size(); ++i) stays_[index(i)] = stays(i);
     S fastest(0);
     for (int i = 0; i < system_->size(); ++i) fastest = maximum(fastest, far(y, way, time, i));
     for (int i = 0; i < system_->size(); ++i) {
@@ -89,17 +94,19 @@ class StepGroups {
   bool hold(std::span<const int> group, const State& start, const State& y, const Ways& way) const {
     return std::all_of(group.begin(), group.end(), [&](int i) {
       const S gone = norm(y[i].position - start[i].position);
-      return (*system_)[i].is_kinematic() || gone + way[index(i)] <= reach_[index(i)];
+      return !joins(i) || gone + way[index(i)] <= reach_[index(i)];
     });
   }
 
  private:
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
+  /// Whether body i joins those that it may meet.
+  bool joins(int i) const { return !stays_[index(i)] && !(*system_)[i].is_kinematic(); }
   /// How far a point of a body may go that flies `way`, m.
   S far(const State& y, const Ways& way, const S& time, int i) const {
     return way[index(i)] + (*system_)[i].bounding_radius() * time * norm(y[i].angular_velocity);
   }
-  /// Calls f(body) for the bodies of the pairs of group k, kinematic ones too, some of them many times.
+  /// Calls f(body) for the bodies of the pairs of group k, those that join nothing too, some of them many times.
   template <class Pairs, class F>
   void each_of(std::size_t k, const Pairs& pairs, const F& f) const {
     for (const std::size_t pair : islands_[k]) {
@@ -113,8 +120,15 @@ class StepGroups {
   bool join(const Pairs& pairs, const State& y, const Ways& way, const S& time) {
     islands_.clear();
     for (std::size_t k = 0; k < pairs.size(); ++k) {
-      const Candidate moved = moved_of(*system_, pairs[k]);
-      islands_.add(k, moved.first, moved.second);
+      const auto [first, second] = pairs[k];
+      const bool joins_first = first >= 0 && joins(first);
+      if (joins(second)) {
+        islands_.add(k, joins_first ? first : -1, second);
+      } else if (joins_first) {
+        islands_.add(k, -1, first);
+      } else if (first >= 0 && !(stays_[index(first)] && stays_[index(second)])) {
+        islands_.add(k, -1, moved_of(*system_, pairs[k]).second);  // a kinematic body that may wake another
+      }
     }
     islands_.group(false);
     bool grown = false;
@@ -122,7 +136,7 @@ class StepGroups {
       S fastest(0);
       each_of(k, pairs, [&](int i) { fastest = maximum(fastest, far(y, way, time, i)); });
       each_of(k, pairs, [&](int i) {
-        if ((*system_)[i].is_kinematic() || !(reach_[index(i)] < as<S>(2) * fastest)) return;
+        if (!joins(i) || !(reach_[index(i)] < as<S>(2) * fastest)) return;
         reach_[index(i)] = as<S>(2) * fastest;
         grown = true;
       });
@@ -177,7 +191,7 @@ class StepGroups {
   BroadPhase<S, System::bodies, System::most_planes> broad_;
   Islands<System> islands_;  ///< of the pairs that may meet
   Ways reach_, ball_;        ///< how far bodies may get in the step, m; the same with their size
-  PerBody<bool, System::bodies> meets_;
+  PerBody<bool, System::bodies> stays_, meets_;
   Reserved<int, body_room<System>> alone_, kinematic_;
   Reserved<int, room_for<System>(static_cast<std::size_t>(System::bodies) + 2 * pair_room<System>)> bodies_;
   Reserved<std::size_t, body_room<System>> end_;  ///< of each group among bodies_

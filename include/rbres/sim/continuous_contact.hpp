@@ -90,7 +90,7 @@ class ContinuousContact {
     parts_.fly_freely(all(), forces, integrator, y, t, h);
     const auto& ways = parts_.ways(y, h);
     if (parts_.mark_faults(ways, MaskOf<S>(true), y)) return true;
-    flown = !groups.find(y, parts_.free(), ways, h);
+    flown = !groups.find(y, parts_.free(), ways, h, [&](int i) { return parts_.stays_put(i, y); });
     if (flown) return false;
     start = y;
     const ContactTally<S> tally_before = tally;
@@ -103,7 +103,9 @@ class ContinuousContact {
       // But for kinematic bodies, which groups before have flown.
       const bool as_flown = groups.kinematic().empty();
       const S left = parts_.advance(groups[k], forces, integrator, y, now, h, observer, tally, as_flown,
-                                    [&](const auto& way) { return groups.hold(groups[k], start, y, way); });
+                                    [&](const auto& way) {
+                                      return !parts_.woke() && groups.hold(groups[k], start, y, way);
+                                    });
       if (left > S(0) || parts_.unresolved() || !parts_.told_all()) {
         parts_.memory().undo_groups();
         y = start;

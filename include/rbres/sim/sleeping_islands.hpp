@@ -33,6 +33,11 @@ class SleepingIslands {
     if constexpr (possible) return data_.island[index(i)] >= 0;
     return false;
   }
+  /// Whether nothing moves body i but what wakes it.
+  bool stays_put(int i, const State& y) const {
+    if constexpr (possible) return has(i) || is_still(i, y);
+    return false;
+  }
   /// Whether any body sleeps, or is about to.
   bool any() const {
     if constexpr (possible) return data_.sleepers > 0 || data_.drowsy;
@@ -74,6 +79,14 @@ class SleepingIslands {
         data_.base[i] = y[i];
       }
     }
+  }
+  /// Whether a body woke up since start_groups().
+  bool woke() const {
+    if constexpr (possible) return data_.sleepers != data_.slept;
+    return false;
+  }
+  void start_groups() {
+    if constexpr (possible) data_.slept = data_.sleepers;
   }
   /// The step's rests are collected anew.
   void forget_rests() {
@@ -213,6 +226,7 @@ class SleepingIslands {
     State base;                               ///< where bodies sleep, and lie down
     State free, resting_free;  ///< where free flight takes them: in this step, and in which they fell asleep
     int sleepers = 0;          ///< bodies that sleep
+    int slept = 0;             ///< that slept when the groups of a step were found
     bool drowsy = false;       ///< whether any lies down
     Islands<System> islands;
     Reserved<Rest, pair_room<System>> rests;
@@ -230,8 +244,6 @@ class SleepingIslands {
   bool has_one_of(const Candidate& who) const {
     return (who.first >= 0 && has(who.first)) || has(who.second);
   }
-  /// Whether nothing moves body i but what wakes it.
-  bool stays_put(int i, const State& y) const { return has(i) || is_still(i, y); }
   /// The kinematic body of a pair that has one.
   static int kinematic_of(const Candidate& who, const Candidate& moved) {
     return moved.second == who.first ? who.second : who.first;

@@ -72,6 +72,7 @@ class StepParts {
   /// Starts a step that is done group by group, after fly_freely() of all bodies.
   void start_groups() {
     resting_.memory().start_groups();
+    sleeping_.start_groups();
     log_.start_step(true);
     impacts_.start_count();
   }
@@ -90,6 +91,12 @@ class StepParts {
     search_.start_part(bodies_);
   }
   const State& free() const { return free_; }
+  /// Whether body i of y sleeps, or is a still kinematic body; whether one that slept when the groups of the
+  /// step were found does not any longer.
+  /// @{
+  bool stays_put(int i, const State& y) const { return sleeping_.stays_put(i, y); }
+  bool woke() const { return sleeping_.woke(); }
+  /// @}
   /// How far (m) each body gets in that time.
   const auto& ways(const State& y, const S& h) { return search_.ways(bodies_, y, free_, h); }
 
