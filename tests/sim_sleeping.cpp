@@ -338,6 +338,41 @@ TEST_CASE("in a crowd one island wakes, and the others sleep on") {
   for (int i = 2; i < 40; ++i) CHECK(y[i] == before[i]);
 }
 
+TEST_CASE("a hit on the top of a sleeping stack wakes all of it within the step") {
+  constexpr int boxes = 14;
+  using Crowd = System<double, dynamic, Box<double>>;
+  const Crowd system{std::vector(boxes + 1, Body(Box{0.2, 0.2, 0.1}, 1.0, rough)), {floor_plane(rough)}};
+  // Forces on all bodies at once let none sleep.
+  const auto awake = [](const Crowd& bodies, const Crowd::State& y, double, std::span<Wrench<double>> wrenches) {
+    for (int i = 0; i < y.size(); ++i)
+      wrenches[static_cast<std::size_t>(i)].force = {0, 0, -9.81 * bodies[i].mass()};
+  };
+  Crowd::State start;
+  start.body.resize(boxes + 1);
+  for (int i = 0; i < boxes; ++i) start[i].position = {0, 0, 0.1 + 0.2 * i};
+  start[boxes].position = {0, 0, 0.2 * boxes + 0.1 + 0.5};
+  start[boxes].velocity.z = 2;  // up first: meanwhile the stack falls asleep
+  const auto run = [&](const auto& forces) {
+    Stepper<Crowd, std::decay_t<decltype(forces)>, Rk4> stepper(system, forces, Rk4{}, {.step = step});
+    std::vector<Crowd::State> states{start};
+    for (int k = 0; k < 300; ++k) {
+      states.push_back(states.back());
+      stepper.step(states.back(), k * step, step);
+    }
+    return states;
+  };
+  const auto sleeps = run(Gravity{}), truth = run(awake);
+  double most = 0;
+  bool hit = false;
+  for (std::size_t k = 0; k < truth.size(); ++k) {
+    hit = hit || truth[k][boxes].velocity.z > truth[k - (k > 0)][boxes].velocity.z;
+    for (int i = 0; i < boxes; ++i) most = std::max(most, norm(sleeps[k][i].position - truth[k][i].position));
+  }
+  CHECK(hit);
+  CHECK(sleeps[250][0] == sleeps[200][0]);  // asleep until then
+  CHECK(most < 1e-8);
+}
+
 TEST_CASE("a kinematic body that the program puts into a sleeping one pushes it out") {
   using World = System<double, 2, Box<double>>;
   const World system{
