@@ -52,9 +52,11 @@ void eliminate(Size n, Width width, S* numbers, S* weight, S* x) {
 template <class S, std::size_t bodies = std::dynamic_extent>
 class BlockSquare {
   static constexpr std::size_t rows = bodies == std::dynamic_extent ? bodies : 6 * bodies;
-  static constexpr std::size_t width_of(std::size_t size) { return (size + 8) / 8 * 8; }
 
  public:
+  /// Of that many equations, see eliminate().
+  static constexpr std::size_t width_of(std::size_t size) { return (size + 8) / 8 * 8; }
+
   explicit BlockSquare(std::size_t most_bodies) {
     weight_.reserve(6 * most_bodies);
     numbers_.reserve(6 * most_bodies * width_of(6 * most_bodies));

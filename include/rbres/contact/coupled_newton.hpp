@@ -4,7 +4,9 @@
 #include <cstddef>
 #include <limits>
 #include <rbres/contact/body_points.hpp>
+#include <rbres/contact/island_equations.hpp>
 #include <rbres/contact/island_points.hpp>
+#include <rbres/contact/point_equations.hpp>
 #include <type_traits>
 
 namespace rbres::RBRES_ABI::detail {
@@ -15,7 +17,8 @@ namespace rbres::RBRES_ABI::detail {
 template <class System, class S>
 class CoupledNewton {
  public:
-  CoupledNewton(const System& system, std::size_t most_rows) : island_(system, most_rows) {}
+  CoupledNewton(const System& system, std::size_t most_rows)
+      : points_(system, most_rows), island_(system, most_rows) {}
 
   /// Changes the impulses of `rows` (ContactRows) and the velocities in `motion`, to the best that it finds:
   /// until no law is off by more than `tolerance` (m/s), or none gets better. Starts once more from there
@@ -35,6 +38,7 @@ class CoupledNewton {
     };
     if constexpr (single) {
       if (body_.take_up(rows, motion, friction)) return solved(body_, rough);
+      if (points_.take_up(rows, motion, friction)) return solved(points_, coarse);
     }
     return island_.take_up(rows, motion, friction) && solved(island_, coarse);
   }
@@ -68,9 +72,15 @@ class CoupledNewton {
   /// Dual numbers do not fit registers.
   static constexpr bool single = std::is_floating_point_v<S>;
   struct NoBody {};
+  struct NoPoints {
+    NoPoints(const System&, std::size_t) {}
+  };
 
-  IslandPoints<System, S> island_;
   [[no_unique_address]] std::conditional_t<single, BodyPoints<S>, NoBody> body_;
+  [[no_unique_address]] std::conditional_t<single, IslandPoints<System, PointEquations<System, S>, S>,
+                                           NoPoints>
+      points_;
+  IslandPoints<System, IslandEquations<System, false, S>, S> island_;
 };
 
 /// The contact points of one lane, as ContactRows has those of all.
@@ -89,6 +99,7 @@ class LaneRows {
   }
 
   Motions& motion() { return motion_; }
+  std::size_t size() const { return rows_.size(); }
 
   /// Takes up those of the rows that are active in a lane, and its motions.
   template <class Rows, class AllMotions>

@@ -261,7 +261,7 @@ class Impacts {
   Reserved<Vec3<S>, row_room<System>> where_;  ///< they are, where somebody listens
   Reserved<Hit, pair_room<System>> hit_;
   Reserved<std::size_t, pair_room<System>> touching_;  ///< pairs
-  MaskOf<S> shared_{false};  ///< where two pairs that have an impact share a body
+  MaskOf<S> shared_{false};                            ///< where two pairs that have an impact share a body
 };
 
 }  // namespace rbres::RBRES_ABI::detail

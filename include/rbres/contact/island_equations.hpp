@@ -27,10 +27,10 @@ inline constexpr std::size_t most_coupled_bodies = 12;
 /// slope is. `S`: the system's numbers, or those of one of its lanes.
 template <class System, bool Symmetric, class S = typename System::Scalar>
 class IslandEquations {
-  using Jacobian = PointJacobian<S>;
-  using Six = typename Jacobian::Line;
+  using Six = typename PointJacobian<S>::Line;
 
  public:
+  using Jacobian = PointJacobian<S>;
   /// Stands for the place of a plane or of a kinematic body.
   static constexpr std::size_t plane = std::numeric_limits<std::size_t>::max();
 
@@ -46,10 +46,10 @@ class IslandEquations {
     moved_.reserve(6 * n);
   }
 
-  /// A new island, of the bodies of these rows (ContactRows): they get their places in the order in which rows
+  /// Takes up the bodies of an island's rows (ContactRows), which get their places in the order in which rows
   /// name them. False where the matrix would be too large.
   template <class Rows, class Motions>
-  bool name_bodies(Rows& rows, Motions& motion) {
+  bool take_up(Rows& rows, Motions& motion) {
     for (const int body : bodies_) place_[static_cast<std::size_t>(body)] = plane;
     bodies_.clear();
     first_.clear();
@@ -67,7 +67,9 @@ class IslandEquations {
       const auto [low, high] = std::minmax(first, second);
       first_[high] = std::min(first_[high], low);
     });
-    return shape_matrix();
+    if (!shape_matrix()) return false;
+    take_bodies(motion);
+    return true;
   }
   /// The Jacobian of a point between `who`, of which contacts move `moved` (see ContactPair).
   template <class Point>
@@ -85,24 +87,6 @@ class IslandEquations {
       }
     }
     return j;
-  }
-  /// Takes up the bodies that have been named.
-  template <class Motions>
-  void take_bodies(const Motions& motion) {
-    step_.resize(6 * bodies_.size());
-    moved_.resize(6 * bodies_.size());
-    inertia_.clear();
-    start_.clear();
-    for (const int body : bodies_) {
-      const Motion<S>& m = motion[static_cast<std::size_t>(body)];
-      start_.push_back(m);
-      // No point names a kinematic body; in lanes it has a place, and any mass does.
-      if (Packed<S> && !any(m.inverse_mass > S(0))) {
-        inertia_.push_back({S(1), {{S(1), S(0), S(0)}, {S(0), S(1), S(0)}, {S(0), S(0), S(1)}}});
-        continue;
-      }
-      inertia_.push_back({inverse(m.inverse_mass), symmetric_inverse(m.inverse_inertia)});
-    }
   }
   /// Gives these bodies the motions that they had then.
   template <class Motions>
@@ -214,6 +198,23 @@ class IslandEquations {
       return matrix_.shape(first_, most_products);
     } else {
       return matrix_.shape(bodies_.size());
+    }
+  }
+  template <class Motions>
+  void take_bodies(const Motions& motion) {
+    step_.resize(6 * bodies_.size());
+    moved_.resize(6 * bodies_.size());
+    inertia_.clear();
+    start_.clear();
+    for (const int body : bodies_) {
+      const Motion<S>& m = motion[static_cast<std::size_t>(body)];
+      start_.push_back(m);
+      // No point names a kinematic body; in lanes it has a place, and any mass does.
+      if (Packed<S> && !any(m.inverse_mass > S(0))) {
+        inertia_.push_back({S(1), {{S(1), S(0), S(0)}, {S(0), S(1), S(0)}, {S(0), S(0), S(1)}}});
+        continue;
+      }
+      inertia_.push_back({inverse(m.inverse_mass), symmetric_inverse(m.inverse_inertia)});
     }
   }
   std::size_t name(int body) {

@@ -26,7 +26,7 @@ class IslandNewton {
   /// Takes up the rows of an island. False where it is too large.
   template <class Rows, class Motions>
   bool take_up(Rows& rows, Motions& motion) {
-    if (!equations_.name_bodies(rows, motion)) return false;
+    if (!equations_.take_up(rows, motion)) return false;
     rows_.clear();
     rows.each(motion, [&](auto& row, auto& point, auto&, auto&) {
       RowState& r = rows_.emplace_back();
@@ -34,7 +34,6 @@ class IslandNewton {
       r.active = row.active;
       r.start = point.impulse();
     });
-    equations_.take_bodies(motion);
     return true;
   }
 

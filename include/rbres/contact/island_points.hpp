@@ -4,13 +4,15 @@
 #include <cstddef>
 #include <rbres/contact/cone_point.hpp>
 #include <rbres/contact/contact_row.hpp>
-#include <rbres/contact/island_equations.hpp>
+#include <rbres/contact/near_pairs.hpp>
+#include <rbres/contact/point_jacobian.hpp>
+#include <rbres/core/reserved.hpp>
 
 namespace rbres::RBRES_ABI::detail {
 
-/// The contact points of an island as CoupledNewton sees them. `S`: the system's plain scalar, or that of one
-/// of its lanes.
-template <class System, class S>
+/// The contact points of an island as CoupledNewton sees them. `Equations`: of a step of Newton's method,
+/// IslandEquations or PointEquations. `S`: the system's plain scalar, or that of one of its lanes.
+template <class System, class Equations, class S>
 class IslandPoints {
  public:
   IslandPoints(const System& system, std::size_t most_rows) : equations_(system) { rows_.reserve(most_rows); }
@@ -18,7 +20,7 @@ class IslandPoints {
   /// Takes up the rows of an island (ContactRows) and the motions of its bodies. False where it is too large.
   template <class Rows, class Motions>
   bool take_up(Rows& rows, Motions& motion, bool friction) {
-    if (!equations_.name_bodies(rows, motion)) return false;
+    if (!equations_.take_up(rows, motion)) return false;
     rows_.clear();
     rows.each(motion, [&](auto& row, auto& point, auto& first, auto& second) {
       RowState& r = rows_.emplace_back();
@@ -29,7 +31,6 @@ class IslandPoints {
       r.left = {point.velocity(0, first, second) - row.target, point.velocity(1, first, second),
                 point.velocity(2, first, second)};
     });
-    equations_.take_bodies(motion);
     return true;
   }
   /// Gives them the best impulses, and their bodies the velocities that these leave.
@@ -81,14 +82,14 @@ class IslandPoints {
 
  private:
   struct RowState : ConePoint<S> {
-    PointJacobian<S> jacobian;
+    typename Equations::Jacobian jacobian;
     S friction;
     Vec3<S> start;  ///< impulse before the first step, N s
     Vec3<S> left;   ///< fault that it leaves, m/s
   };
 
   Reserved<RowState, row_room<System>> rows_;
-  IslandEquations<System, false, S> equations_;
+  Equations equations_;
 };
 
 }  // namespace rbres::RBRES_ABI::detail

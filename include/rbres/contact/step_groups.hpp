@@ -106,7 +106,8 @@ class StepGroups {
   S far(const State& y, const Ways& way, const S& time, int i) const {
     return way[index(i)] + (*system_)[i].bounding_radius() * time * norm(y[i].angular_velocity);
   }
-  /// Calls f(body) for the bodies of the pairs of group k, those that join nothing too, some of them many times.
+  /// Calls f(body) for the bodies of the pairs of group k, those that join nothing too, some of them many
+  /// times.
   template <class Pairs, class F>
   void each_of(std::size_t k, const Pairs& pairs, const F& f) const {
     for (const std::size_t pair : islands_[k]) {

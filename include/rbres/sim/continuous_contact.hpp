@@ -102,10 +102,9 @@ class ContinuousContact {
       S now = t;
       // But for kinematic bodies, which groups before have flown.
       const bool as_flown = groups.kinematic().empty();
-      const S left = parts_.advance(groups[k], forces, integrator, y, now, h, observer, tally, as_flown,
-                                    [&](const auto& way) {
-                                      return !parts_.woke() && groups.hold(groups[k], start, y, way);
-                                    });
+      const S left = parts_.advance(
+          groups[k], forces, integrator, y, now, h, observer, tally, as_flown,
+          [&](const auto& way) { return !parts_.woke() && groups.hold(groups[k], start, y, way); });
       if (left > S(0) || parts_.unresolved() || !parts_.told_all()) {
         parts_.memory().undo_groups();
         y = start;
