@@ -37,14 +37,17 @@ struct ContactPair {
   static constexpr bool central = !Parts::compound && BodyPair::central && PlanePair::central;
   using Motions = MotionsOf<System>;
 
-  using Contact = Manifold<S, int(points), central>;
+  /// How the two meet, with room for what any pair needs.
+  struct Contact : Manifold<S, int(points), central> {
+    std::size_t used;  ///< there is no point from this one on
+  };
 
   Candidate who;
   Candidate moved;  ///< see moved_of()
   [[no_unique_address]] Parts parts;
   Contact manifold;
   std::array<S, points> speed;  ///< at which each point's gap opens, m/s
-  std::array<MaskOf<S>, points> touching, resting;
+  std::array<MaskOf<S>, points> touching{}, resting{};
   MaskOf<S> any_resting;
   bool known = false;  ///< whether the manifold is that of the present state
   bool round = false;  ///< of a crowd: a ball and another body, or two capsules
@@ -96,10 +99,14 @@ struct ContactPair {
     with_part_manifold(system, y, who.first, who.second, parts, [&](const auto& m, auto) {
       contact.normal = m.normal;
       contact.separation = m.separation;
-      for (std::size_t i = 0; i < points; ++i) {
-        contact.gap[i] = i < m.points ? m.gap[i] : S(m.none);
-        if (i < m.points) contact.point[i] = m.point[i];
+      constexpr std::size_t there = std::decay_t<decltype(m)>::points;
+      contact.used = 0;
+      for (std::size_t i = 0; i < there; ++i) {
+        contact.gap[i] = m.gap[i];
+        contact.point[i] = m.point[i];
+        if (any(m.gap[i] < S(m.none / 2))) contact.used = i + 1;
       }
+      for (std::size_t i = there; i < points; ++i) contact.gap[i] = S(m.none);
     });
     if constexpr (Parts::compound) {
       const S apart = as<S>(2) * near;

@@ -73,7 +73,7 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
   // by a depth that others do not reach. What that adds up to stays below most_sinking(), except in a heap:
   // there pairs may be deeper already, and time must go on.
   MaskOf<S> touching(false);
-  for (std::size_t i = 0; i < P; ++i) touching = touching | pair.touching[i];
+  for (std::size_t i = 0; i < pair.manifold.used; ++i) touching = touching | pair.touching[i];
   const S room = select(sinking > S(0), pair.near, S(0));
   const auto allowance_of = [&] {
     if (pair.plane() || P == 1) return S(0);
@@ -89,7 +89,7 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
     };
     if (!pair.fixed_points()) return above(contact.separation, pair.manifold.separation);
     S least = none;
-    for (std::size_t i = 0; i < P; ++i) {
+    for (std::size_t i = 0; i < contact.used; ++i) {
       const S gap = above(contact.gap[i], pair.manifold.gap[i]);
       least = minimum(least, select(counts[i], gap, none));
     }
@@ -108,7 +108,7 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
   pair.find(system, end, after);
   Approach<S> approach{part, gap_start, lowest(after), fastest, part, pair.touch, pair.size};
   MaskOf<S> dips(!pair.fixed_points());
-  for (std::size_t i = 0; i < P; ++i) {
+  for (std::size_t i = 0; i < pair.manifold.used; ++i) {
     const MaskOf<S>& counted_here = counts[i];
     if (!pair.fixed_points() || !any(counted_here)) continue;
     const S later = pair.opening(after, i, end_motion);

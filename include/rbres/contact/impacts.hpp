@@ -15,7 +15,6 @@ class Impacts {
   using S = typename System::Scalar;
   using Pair = ContactPair<System>;
   using Motions = typename Pair::Motions;
-  static constexpr std::size_t P = Pair::points;
 
  public:
   explicit Impacts(const System& system)
@@ -123,7 +122,7 @@ class Impacts {
       Hit& h = hit_[k];
       h.hit = none;
       h.surface = pair.surface;
-      for (std::size_t i = 0; i < P; ++i) {
+      for (std::size_t i = 0; i < pair.manifold.used; ++i) {
         if (!any(pair.touching[i])) continue;
         const MaskOf<S> fast = pair.opening(pair.manifold, i, motion) < -pair.rest_speed;
         h.hit = h.hit | (pair.touching[i] & fast);
@@ -196,7 +195,7 @@ class Impacts {
         resolve_alone(pairs[k], h, together, motion, note);
         continue;
       }
-      for (std::size_t i = 0; i < P; ++i) {
+      for (std::size_t i = 0; i < pair.manifold.used; ++i) {
         if (!any(pair.touching[i] & h.joins & together)) continue;
         ImpactPoint<S>& info = info_.emplace_back();
         if constexpr (!std::is_same_v<Note, Unheard>) where_.push_back(pair.manifold.point[i]);
@@ -230,7 +229,7 @@ class Impacts {
   template <class Note>
   void resolve_alone(const Pair& pair, const Hit& h, const MaskOf<S>& where, Motions& motion,
                      const Note& note) {
-    noted_ += P;
+    noted_ += Pair::points;
     auto touching = pair.touching;
     for (auto& t : touching) t = t & where;
     const auto resolve = [&](auto fixed) {

@@ -166,7 +166,7 @@ template <class System>
 void measure_speeds(const MotionsOf<System>& motion, ContactPairs<System>& pairs) {
   using S = typename System::Scalar;
   for (ContactPair<System>& pair : pairs) {
-    for (std::size_t i = 0; i < ContactPair<System>::points; ++i) {
+    for (std::size_t i = 0; i < pair.manifold.used; ++i) {
       const bool there = any(pair.manifold.gap[i] < S(pair.manifold.none / 2));
       pair.speed[i] = there ? pair.opening(pair.manifold, i, motion) : S(0);
     }
@@ -178,7 +178,7 @@ void measure(const System& system, const typename System::State& y, const Motion
              const MaskOf<typename System::Scalar>& where, ContactPairs<System>& pairs) {
   for (ContactPair<System>& pair : pairs) {
     pair.know_manifold(system, y);
-    for (std::size_t i = 0; i < ContactPair<System>::points; ++i)
+    for (std::size_t i = 0; i < pair.manifold.used; ++i)
       pair.touching[i] = where & (pair.manifold.gap[i] <= pair.touch);
   }
   measure_speeds<System>(motion, pairs);

@@ -126,7 +126,7 @@ class KeptIslands {
   };
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
   static bool touches(const Pair& pair, const typename Pair::Contact& contact) {
-    return std::any_of(contact.gap.begin(), contact.gap.end(),
+    return std::any_of(contact.gap.begin(), contact.gap.begin() + std::ptrdiff_t(contact.used),
                        [&](const S& gap) { return gap <= pair.touch; });
   }
 

@@ -56,7 +56,7 @@ class PartEnd {
         worst = maximum(worst, select(all | pair.any_resting, deeper, S(0)));
         continue;
       }
-      for (std::size_t i = 0; i < Pair::points; ++i) {
+      for (std::size_t i = 0; i < contact.used; ++i) {
         const S deeper = share(pair.manifold.gap[i], contact.gap[i]);
         worst = maximum(worst, select(pair.resting[i] | all, deeper, S(0)));
       }

@@ -26,7 +26,6 @@ class RestingContacts {
   using Pairs = ContactPairs<System>;
   using Motions = typename Pair::Motions;
   using Bodies = BodyIndices<System>;
-  static constexpr std::size_t P = Pair::points;
   static constexpr int most_rounds = 12;  ///< in which forces are found again for what they turn
 
  public:
@@ -116,7 +115,7 @@ class RestingContacts {
       MaskOf<S> slow(false);
       for (const std::size_t k : islands_[island]) {
         const Pair& pair = pairs[k];
-        for (std::size_t i = 0; i < P; ++i) {
+        for (std::size_t i = 0; i < pair.manifold.used; ++i) {
           const S allowed = pair.still + pull.largest() * maximum(pair.manifold.gap[i], S(0));
           const MaskOf<S> approaches = pair.speed[i] < -allowed;
           slow = slow | (pair.resting[i] & approaches);
@@ -281,7 +280,7 @@ class RestingContacts {
         const Pair& pair = pairs[k];
         const typename Pair::Contact& at_end = at_end_.contacts()[k];
         if (rows_.full()) continue;
-        for (std::size_t i = 0; i < P; ++i) {
+        for (std::size_t i = 0; i < at_end.used; ++i) {
           const MaskOf<S> near = at_end.gap[i] <= pair.near;  // points may have changed places
           const MaskOf<S> resting = pair.fixed_points() ? pair.resting[i] : pair.any_resting & near;
           if (any(resting))
@@ -346,7 +345,7 @@ class RestingContacts {
     for (const std::size_t k : islands_[island]) {
       const Pair& pair = pairs[k];
       if (rows_.full()) return;  // points that find no room bounce when they have sunk in
-      for (std::size_t i = 0; i < P; ++i) {
+      for (std::size_t i = 0; i < pair.manifold.used; ++i) {
         if (any(pair.resting[i])) add(k, pair, i);
       }
     }

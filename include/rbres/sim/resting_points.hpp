@@ -19,7 +19,7 @@ template <class Pair, class Mask>
 void mark_resting(Pair& pair, const Mask& running) {
   using S = typename Pair::S;
   pair.any_resting = Mask(false);
-  for (std::size_t i = 0; i < Pair::points; ++i) {
+  for (std::size_t i = 0; i < pair.manifold.used; ++i) {
     const Mask close = pair.manifold.gap[i] <= pair.near;
     const Mask slow = square(pair.speed[i]) <= square(pair.rest_speed);
     const Mask comes = pair.speed[i] <= S(0);  // impacts are answered: what is left is rounding

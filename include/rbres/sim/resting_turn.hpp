@@ -162,7 +162,8 @@ class RestingTurns {
     }
     pair.find(system, state_, contact);
     const S none(contact.none / 2), farthest2 = square(S(as<S>(0.2) * pair.size));
-    for (std::size_t i = 0; i < Pair::points; ++i) {
+    if (contact.used != pair.manifold.used) return false;
+    for (std::size_t i = 0; i < contact.used; ++i) {
       const bool there = any(contact.gap[i] < none);
       if (there != any(pair.manifold.gap[i] < none)) return false;
       if (there && any(squared_norm(contact.point[i] - pair.manifold.point[i]) > farthest2)) return false;
