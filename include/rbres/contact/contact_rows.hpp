@@ -147,7 +147,7 @@ class ContactRows {
   /// motion where that is soon reached.
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance, const S& enough,
              bool moving) {
-    constexpr int few = 12, some = 20, many = 100;
+    constexpr int few = 12, fewer = 4, some = 20, many = 100;
     const MaskOf<S> left = solve_directly(motion, where, friction, tolerance, enough);
     if (!any(left)) return;
     // Where no forces obey all laws, as in a jam, it fails again and again, at the price of many sweeps.
@@ -176,7 +176,8 @@ class ContactRows {
     const S coarse = coarser(tolerance);
     sweep(motion, left, false, coarse, many);
     if (friction) sweep(motion, where, true, coarse, many);
-    sweep(motion, where, friction, tolerance, few);
+    // Crowds are solved from the forces of the step before: what is left off now is seen to then.
+    sweep(motion, where, friction, tolerance, in_crowd_ ? fewer : few);
   }
 
   static constexpr double most_failures = 40;
