@@ -423,6 +423,7 @@ TEST_CASE("islands of resting contacts that an impact does not reach keep their 
       Pair::Contact contact{};
       contact.gap.fill(1.0);
       contact.gap[0] = gap;
+      contact.used = 1;
       at_end.push_back(contact);
     };
     constexpr double cut = 1e-3, never = 2e-3;
