@@ -343,7 +343,8 @@ TEST_CASE("a hit on the top of a sleeping stack wakes all of it within the step"
   using Crowd = System<double, dynamic, Box<double>>;
   const Crowd system{std::vector(boxes + 1, Body(Box{0.2, 0.2, 0.1}, 1.0, rough)), {floor_plane(rough)}};
   // Forces on all bodies at once let none sleep.
-  const auto awake = [](const Crowd& bodies, const Crowd::State& y, double, std::span<Wrench<double>> wrenches) {
+  const auto awake = [](const Crowd& bodies, const Crowd::State& y, double,
+                        std::span<Wrench<double>> wrenches) {
     for (int i = 0; i < y.size(); ++i)
       wrenches[static_cast<std::size_t>(i)].force = {0, 0, -9.81 * bodies[i].mass()};
   };

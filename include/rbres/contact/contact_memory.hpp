@@ -16,7 +16,8 @@ class ContactMemory {
   using Pair = ContactPair<System>;
 
  public:
-  ContactMemory(const System& system, std::size_t most_rows) : bodies_(system.size()) {
+  ContactMemory(const System& system, std::size_t most_rows)
+      : bodies_(system.size()), planes_(static_cast<int>(system.planes().size())) {
     last_.reserve(most_rows);
     next_.reserve(most_rows);
     laid_by_.reserve(most_rows);
@@ -43,7 +44,7 @@ class ContactMemory {
   }
   void end_groups() {
     last_.swap(groups_);
-    std::sort(last_.begin(), last_.end(), by_key);
+    sort(last_);
   }
   /// As before start_groups(), whether or not a group has started.
   void undo_groups() {
@@ -66,14 +67,17 @@ class ContactMemory {
       const auto [first, second] = pair_of(entry.key);
       return sleeps(second) || (first >= 0 && sleeps(first));
     };
-    remove_where(laid_by_, [&](const Entry& entry) { return !asleep(entry); });
+    // Those of the last part are newer.
+    remove_where(laid_by_, [&](const Entry& entry) {
+      return !asleep(entry) || std::binary_search(last_.begin(), last_.end(), entry, by_key);
+    });
     for (const Entry& entry : last_) {
       if (asleep(entry) && laid_by_.size() < laid_by_.capacity()) laid_by_.push_back(entry);
     }
-    std::sort(laid_by_.begin(), laid_by_.end(), by_key);
+    sort(laid_by_);
   }
   /// The force at a row's point, N along its normal and tangents; zero where none is known.
-  std::array<S, 3> force(const Row& row) const {
+  std::array<S, 3> force(const Row& row) {
     const Entry* entry = find(key(row));
     return entry ? entry->force : std::array<S, 3>{S(0), S(0), S(0)};
   }
@@ -83,7 +87,7 @@ class ContactMemory {
   /// keep what they have.
   void keep(const Row& row, const S& rate, const MaskOf<S>& open) {
     if (next_.size() == next_.capacity()) return;
-    const auto old = force(row);
+    const auto old = all(open) ? std::array<S, 3>{} : force(row);
     Entry entry{key(row), {}};
     for (std::size_t d = 0; d < 3; ++d) entry.force[d] = select(open, S(rate * row.impulse()[d]), old[d]);
     next_.push_back(entry);
@@ -97,7 +101,7 @@ class ContactMemory {
     }
   }
   void finish(const MaskOf<S>& open) {
-    std::sort(next_.begin(), next_.end(), by_key);
+    sort(next_);
     if (!all(open)) {  // what other lanes still hold on to
       const std::size_t fresh = next_.size();
       for (const Entry& old : last_) {
@@ -107,7 +111,7 @@ class ContactMemory {
         for (std::size_t d = 0; d < 3; ++d) entry.force[d] = select(open, S(0), old.force[d]);
         next_.push_back(entry);
       }
-      std::sort(next_.begin(), next_.end(), by_key);
+      sort(next_);
     }
     last_.swap(next_);
     fresh_ = false;
@@ -119,15 +123,24 @@ class ContactMemory {
     std::array<S, 3> force;
   };
   static bool by_key(const Entry& a, const Entry& b) { return a.key < b.key; }
+  /// Those of a single island are in order.
+  template <class Entries>
+  static void sort(Entries& entries) {
+    if (!std::is_sorted(entries.begin(), entries.end(), by_key))
+      std::sort(entries.begin(), entries.end(), by_key);
+  }
+  /// In the order in which pairs are found.
   long key(const Candidate& who, std::size_t place) const {
-    return (static_cast<long>(who.first) * bodies_ + who.second) * static_cast<long>(Pair::places) +
+    const int first = who.first < 0 ? -1 - who.first - planes_ : who.first;
+    return (static_cast<long>(first) * bodies_ + who.second) * static_cast<long>(Pair::places) +
            static_cast<long>(place);
   }
   /// The pair of a key; those of planes are negative.
   Candidate pair_of(long key) const {
     const auto floor = [](long a, long b) { return a >= 0 ? a / b : -((b - 1 - a) / b); };
     const long pair = floor(key, static_cast<long>(Pair::places)), first = floor(pair, bodies_);
-    return {static_cast<int>(first), static_cast<int>(pair - first * bodies_)};
+    return {static_cast<int>(first < 0 ? -1 - (first + planes_) : first),
+            static_cast<int>(pair - first * bodies_)};
   }
   long key(const Row& row) const { return key(row.who, row.point); }
   static auto at_or_after(std::span<const Entry> entries, long key) {
@@ -137,15 +150,20 @@ class ContactMemory {
   std::span<const Entry> known() const {
     return fresh_ ? std::span<const Entry>(step_) : std::span<const Entry>(last_);
   }
-  const Entry* find(long key) const {
-    for (const std::span<const Entry> all : {known(), std::span<const Entry>(laid_by_)}) {
+  const Entry* find(long key) {
+    const auto last = known();
+    if (next_found_ < last.size() && last[next_found_].key == key) return &last[next_found_++];
+    for (const std::span<const Entry> all : {last, std::span<const Entry>(laid_by_)}) {
       const auto at = at_or_after(all, key);
-      if (at != all.end() && at->key == key) return &*at;
+      if (at == all.end() || at->key != key) continue;
+      next_found_ = static_cast<std::size_t>(at - all.begin()) + 1;
+      return &*at;
     }
     return nullptr;
   }
 
-  int bodies_;
+  int bodies_, planes_;
+  std::size_t next_found_ = 0;  ///< what is asked for next is most often behind what was found last
   Reserved<Entry, row_room<System>> last_, next_;
   static constexpr std::size_t group_room = has_groups<System> ? row_room<System> : 0;
   Reserved<Entry, group_room> step_;           ///< of all groups: where the step began

@@ -42,7 +42,7 @@ class StepGroups {
         reach_(per_body<S>(system)),
         ball_(reach_),
         stays_(per_body<bool>(system)),
-        meets_(stays_) {
+        meets_(per_body<std::size_t>(system)) {
     const auto n = static_cast<std::size_t>(system.size());
     alone_.reserve(n);
     kinematic_.reserve(n);
@@ -99,6 +99,7 @@ class StepGroups {
   }
 
  private:
+  static constexpr auto none = static_cast<std::size_t>(-1);
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
   /// Whether body i joins those that it may meet.
   bool joins(int i) const { return !stays_[index(i)] && !(*system_)[i].is_kinematic(); }
@@ -167,32 +168,31 @@ class StepGroups {
   /// Lists the bodies of each group, and those that are alone.
   template <class Pairs>
   void list(const Pairs& pairs, const State& y, const State& free, const Ways& way, const S& time) {
-    meets_.fill(false);
+    meets_.fill(none);
     bodies_.clear();
     end_.clear();
     for (std::size_t k = 0; k < islands_.count(); ++k) {
       if (is_clear(k, pairs, y, free, way, time)) continue;
       const auto start = static_cast<std::ptrdiff_t>(bodies_.size());
       each_of(k, pairs, [&](int i) {
-        bodies_.push_back(i);
-        meets_[index(i)] = true;
+        if (meets_[index(i)] != k) bodies_.push_back(i);
+        meets_[index(i)] = k;
       });
       std::sort(bodies_.begin() + start, bodies_.end());
-      const auto end = std::unique(bodies_.begin() + start, bodies_.end());
-      bodies_.resize(static_cast<std::size_t>(end - bodies_.begin()));
       end_.push_back(bodies_.size());
     }
     alone_.clear();
     for (int i = 0; i < system_->size(); ++i) {
-      if (!meets_[index(i)] && !(*system_)[i].is_kinematic()) alone_.push_back(i);
+      if (meets_[index(i)] == none && !(*system_)[i].is_kinematic()) alone_.push_back(i);
     }
   }
 
   const System* system_;
   BroadPhase<S, System::bodies, System::most_planes> broad_;
-  Islands<System> islands_;  ///< of the pairs that may meet
-  Ways reach_, ball_;        ///< how far bodies may get in the step, m; the same with their size
-  PerBody<bool, System::bodies> stays_, meets_;
+  Islands<System> islands_;              ///< of the pairs that may meet
+  Ways reach_, ball_;                    ///< how far bodies may get in the step, m; the same with their size
+  PerBody<bool, System::bodies> stays_;  ///< asleep, or kinematic and still
+  PerBody<std::size_t, System::bodies> meets_;  ///< the last group of each body
   Reserved<int, body_room<System>> alone_, kinematic_;
   Reserved<int, room_for<System>(static_cast<std::size_t>(System::bodies) + 2 * pair_room<System>)> bodies_;
   Reserved<std::size_t, body_room<System>> end_;  ///< of each group among bodies_
