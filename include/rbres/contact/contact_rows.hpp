@@ -131,7 +131,7 @@ class ContactRows {
   }
   /// The same of what Newton's method does not solve.
   void correct_moving(Motions& motion, const MaskOf<S>& where) {
-    if (any(solve_directly(motion, where, true, in_motion(tolerance_), coarser(tolerance_))))
+    if (any(solve_directly(motion, where, true, tolerance_, coarser(tolerance_))))
       sweep_within_step(motion, where);
   }
 
@@ -148,8 +148,7 @@ class ContactRows {
   void solve(Motions& motion, const MaskOf<S>& where, bool friction, const S& tolerance, const S& enough,
              bool moving) {
     constexpr int few = 12, fewer = 4, some = 20, many = 100;
-    const MaskOf<S> left =
-        solve_directly(motion, where, friction, moving ? in_motion(tolerance) : tolerance, enough);
+    const MaskOf<S> left = solve_directly(motion, where, friction, tolerance, enough);
     if (!any(left)) return;
     // Where no forces obey all laws, as in a jam, it fails again and again, at the price of many sweeps.
     const MaskOf<S> hopeful = failures_ < as<S>(most_failures);
@@ -195,9 +194,6 @@ class ContactRows {
   }
 
   static S coarser(const S& tolerance) { return as<S>(2000.0) * tolerance; }
-  /// For islands of a crowd that move: the next step of Newton's method would bring digits that the step's
-  /// end does not have.
-  static S in_motion(const S& tolerance) { return as<S>(1000.0) * tolerance; }
 
   /// Newton's methods, for pairs and for islands. Returns the lanes in which laws are off, of single bodies
   /// with several pairs by more than `enough` (m/s).

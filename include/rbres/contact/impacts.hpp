@@ -18,8 +18,7 @@ class Impacts {
 
  public:
   explicit Impacts(const System& system)
-      : in_crowd_(is_crowd(system)),
-        answered_(per_body<S>(system)),
+      : answered_(per_body<S>(system)),
         changed_(per_body<MaskOf<S>>(system)),
         used_(changed_),
         islands_(system),
@@ -217,7 +216,7 @@ class Impacts {
         fastest = maximum(fastest, select(info.active, S(abs(info.before[d])), S(0)));
       }
     });
-    impact.tolerance = as<S>(in_crowd_ ? 4096 : 64) * S(Constants<S>::epsilon) * fastest;
+    impact.tolerance = S(64) * S(Constants<S>::epsilon) * fastest;
     solve_impact<S>(impact, hit & together);
     if constexpr (!std::is_same_v<Note, Unheard>) {
       std::size_t at = 0;
@@ -250,7 +249,6 @@ class Impacts {
     pair.plane() ? resolve(std::true_type{}) : resolve(std::false_type{});
   }
 
-  bool in_crowd_;
   PerBody<S, System::bodies> answered_;  ///< impacts of each body in this step
   PerBody<MaskOf<S>, System::bodies> changed_;
   PerBody<MaskOf<S>, System::bodies> used_;  ///< by a pair that has an impact
