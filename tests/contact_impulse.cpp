@@ -260,6 +260,60 @@ TEST_CASE("points of several surfaces obey the contact laws together, and in lan
   }
 }
 
+TEST_CASE("Newton's method solves chains of balls by itself, for the velocities of their few points") {
+  constexpr int most = 8;
+  using Bodies = System<double, most, AnyShape<double>>;
+  Random random(1, 2);
+  for (const double friction : {0.0, 0.3, 1.0}) {
+    for (int count = 2; count <= most; ++count) {
+      CAPTURE(friction);
+      CAPTURE(count);
+      const Material<double> m{0, friction};
+      std::array<double, most> radii;
+      SystemState<double, most> y;
+      for (int i = 0; i < most; ++i) {  // each leans on the one below
+        const double radius = radii[std::size_t(i)] = random.uniform(0.05, 0.2);
+        const auto draw = [&] { return random.uniform(-1, 1); };
+        y[i].position.z = radius;
+        if (i > 0) {
+          const double apart = radius + radii[std::size_t(i - 1)];
+          y[i].position = y[i - 1].position + apart * Vec3<double>{0.6, 0, 0.8};
+        }
+        y[i].velocity = {draw(), draw(), -1.0 * i + draw()};
+        y[i].angular_velocity = {draw(), draw(), draw()};
+      }
+      const auto ball = [&](std::size_t i) {
+        return Body<double>(Sphere{radii[i]}, random.uniform(0.1, 10), m);
+      };
+      const Bodies system{{ball(0), ball(1), ball(2), ball(3), ball(4), ball(5), ball(6), ball(7)},
+                          {floor_plane(m)}};
+      detail::MotionsOf<Bodies> motion;
+      for (int i = 0; i < most; ++i) motion[std::size_t(i)] = motion_of(system[i], y[i]);
+      detail::ContactRows<Bodies> rows(system);
+      for (int i = 0; i < count; ++i) {
+        detail::ContactPair<Bodies> pair(system, {i - 1, i}, 1e-3);
+        pair.find(system, y, pair.manifold);
+        CHECK(std::abs(pair.manifold.gap[0]) < 1e-12);
+        rows.add(pair, pair.manifold, 0, true, 0.0, friction, motion);
+      }
+      detail::PointEquations<Bodies, double> equations(system);
+      CHECK(equations.take_up(rows, motion));
+      detail::CoupledNewton<Bodies, double> newton(system, most);
+      CHECK(newton.solve(rows, motion, true, 1e-12, 1e-12, 1e-12));
+      rows.each(motion, [&](auto&, auto& point, auto& a, auto& b) {
+        const auto& [p, pu, pv] = point.impulse();
+        const double n = point.velocity(0, a, b), u = point.velocity(1, a, b), w = point.velocity(2, a, b);
+        CHECK(p >= 0);
+        CHECK(n > -1e-11);
+        CHECK(p * n < 1e-10);
+        CHECK(std::hypot(pu, pv) <= friction * p + 1e-12);
+        if (std::hypot(u, w) > 1e-6)
+          CHECK(pu * u + pv * w <= -0.999 * friction * p * std::hypot(u, w) + 1e-12);
+      });
+    }
+  }
+}
+
 TEST_CASE_TEMPLATE("Newton's method solves impacts of bodies of any size by itself", S, double, float) {
   for (const double half : {0.01, 0.1, 20.0}) {
     for (const double friction : {0.0, 0.3, 1.0}) {
