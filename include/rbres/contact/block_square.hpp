@@ -46,6 +46,9 @@ void eliminate(Size n, Width width, S* numbers, S* weight, S* x) {
   }
 }
 
+/// The width of so many equations there.
+constexpr std::size_t elimination_width(std::size_t equations) { return (equations + 8) / 8 * 8; }
+
 /// Linear equations whose matrix is of 6 x 6 blocks, one row and column of blocks for each body of an island,
 /// and need not be symmetric; plain scalars only. Its type has room for so many bodies, or is told when the
 /// program runs.
@@ -54,18 +57,15 @@ class BlockSquare {
   static constexpr std::size_t rows = bodies == std::dynamic_extent ? bodies : 6 * bodies;
 
  public:
-  /// Of that many equations, see eliminate().
-  static constexpr std::size_t width_of(std::size_t size) { return (size + 8) / 8 * 8; }
-
   explicit BlockSquare(std::size_t most_bodies) {
     weight_.reserve(6 * most_bodies);
-    numbers_.reserve(6 * most_bodies * width_of(6 * most_bodies));
+    numbers_.reserve(6 * most_bodies * elimination_width(6 * most_bodies));
   }
 
   /// Sets up a matrix of so many bodies. False where there is no room for it.
   bool shape(std::size_t size) {
     size_ = 6 * size;
-    width_ = width_of(size_);
+    width_ = elimination_width(size_);
     if (size_ * width_ > numbers_.capacity()) return false;
     weight_.resize(size_);
     numbers_.resize(size_ * width_);
@@ -84,8 +84,8 @@ class BlockSquare {
     for (std::size_t i = 0; i < size_; ++i) (*this)(i, size_) = b[i];
     if (size_ == 12) {  // many islands have two bodies, and loops of a known length are faster
       constexpr std::integral_constant<std::size_t, 12> n;
-      eliminate(n, std::integral_constant<std::size_t, width_of(n)>(), numbers_.data(), weight_.data(),
-                b.data());
+      eliminate(n, std::integral_constant<std::size_t, elimination_width(n)>(), numbers_.data(),
+                weight_.data(), b.data());
     } else {
       eliminate(size_, width_, numbers_.data(), weight_.data(), b.data());
     }
@@ -94,7 +94,7 @@ class BlockSquare {
  private:
   std::size_t size_ = 0, width_ = 0;
   Reserved<S, rows> weight_;  ///< of each row, one over the square of its unit
-  Reserved<S, bodies == std::dynamic_extent ? bodies : rows * width_of(rows)> numbers_;
+  Reserved<S, bodies == std::dynamic_extent ? bodies : rows * elimination_width(rows)> numbers_;
 };
 
 }  // namespace rbres::RBRES_ABI::detail

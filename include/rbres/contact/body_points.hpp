@@ -61,7 +61,7 @@ class BodyPoints {
       set(g.left.y, point.velocity(1, first, second));
       set(g.left.z, point.velocity(2, first, second));
       std::array<Line, 3>& lines = lines_.emplace_back();
-      const auto jacobian = lines_of(row, point);
+      const auto jacobian = lines_on_moved<S>(row, point);
       for (std::size_t d = 0; d < 3; ++d) {
         set(g.start[d], point.impulse()[d]);
         for (std::size_t k = 0; k < 6; ++k) set(g.jacobian[d][k], jacobian[d][k]);
@@ -164,13 +164,6 @@ class BodyPoints {
     }
   };
 
-  template <class Row, class Point>
-  static auto lines_of(const Row& row, const Point& point) {
-    if constexpr (requires { point.first_arm(0); }) {
-      if (row.moved.second == row.who.first) return lines_on_first<S>(point);
-    }
-    return lines_on_second<S>(point);
-  }
   template <class F>
   void each_line(const F& f) const {
     for (std::size_t k = 0; k < lines_.size(); ++k) f(groups_[k / lanes], int(k % lanes), lines_[k]);

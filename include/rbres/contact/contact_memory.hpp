@@ -156,7 +156,7 @@ class ContactMemory {
     for (const std::span<const Entry> all : {last, std::span<const Entry>(laid_by_)}) {
       const auto at = at_or_after(all, key);
       if (at == all.end() || at->key != key) continue;
-      next_found_ = static_cast<std::size_t>(at - all.begin()) + 1;
+      if (all.data() == last.data()) next_found_ = static_cast<std::size_t>(at - all.begin()) + 1;
       return &*at;
     }
     return nullptr;

@@ -71,20 +71,16 @@ class IslandEquations {
     take_bodies(motion);
     return true;
   }
-  /// The Jacobian of a point between `who`, of which contacts move `moved` (see ContactPair).
-  template <class Point>
-  Jacobian jacobian(const Candidate& who, const Candidate& moved, const Point& point) const {
+  /// The Jacobian of a row's point.
+  template <class Row, class Point>
+  Jacobian jacobian(const Row& row, const Point& point) const {
     Jacobian j{};
     j.first = plane;
-    j.second = place_[static_cast<std::size_t>(moved.second)];
-    j.on_second = lines_on_second<S>(point);
+    j.second = place_[static_cast<std::size_t>(row.moved.second)];
+    j.on_second = lines_on_moved<S>(row, point);
     if constexpr (requires { point.first_arm(0); }) {
       j.on_first = lines_on_first<S>(point);
-      if (moved.first >= 0) {
-        j.first = place_[static_cast<std::size_t>(moved.first)];
-      } else if (moved.second == who.first) {
-        j.on_second = j.on_first;
-      }
+      if (row.moved.first >= 0) j.first = place_[static_cast<std::size_t>(row.moved.first)];
     }
     return j;
   }

@@ -30,7 +30,7 @@ class IslandNewton {
     rows_.clear();
     rows.each(motion, [&](auto& row, auto& point, auto&, auto&) {
       RowState& r = rows_.emplace_back();
-      r.jacobian = equations_.jacobian(row.who, row.moved, point);
+      r.jacobian = equations_.jacobian(row, point);
       r.active = row.active;
       r.start = point.impulse();
     });

@@ -25,7 +25,7 @@ class IslandPoints {
     rows.each(motion, [&](auto& row, auto& point, auto& first, auto& second) {
       RowState& r = rows_.emplace_back();
       r.take(point, row.active);
-      r.jacobian = equations_.jacobian(row.who, row.moved, point);
+      r.jacobian = equations_.jacobian(row, point);
       r.friction = friction ? row.friction : S(0);
       r.start = r.impulse;
       r.left = {point.velocity(0, first, second) - row.target, point.velocity(1, first, second),

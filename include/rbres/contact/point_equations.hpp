@@ -8,7 +8,6 @@
 #include <rbres/contact/near_pairs.hpp>
 #include <rbres/contact/point_jacobian.hpp>
 #include <rbres/core/reserved.hpp>
-#include <span>
 
 namespace rbres::RBRES_ABI::detail {
 
@@ -38,16 +37,14 @@ class PointEquations {
         p.moved_by[k] = side;
         for (auto& line : p.answers[k] = side) respond_to(body, line.data());
       };
-      const bool moves_first_alone = row.moved.second == row.who.first;
-      if (!moves_first_alone) take(1, lines_on_second<S>(point), second);
+      take(1, lines_on_moved<S>(row, point), row.moved.second == row.who.first ? first : second);
       if constexpr (requires { point.first_arm(0); }) {
-        if (moves_first_alone || row.moved.first >= 0)
-          take(moves_first_alone ? 1 : 0, lines_on_first<S>(point), first);
+        if (row.moved.first >= 0) take(0, lines_on_first<S>(point), first);
       }
     });
     if (points_.size() >= 2 * count_bodies()) return false;
     size_ = 3 * points_.size();
-    width_ = BlockSquare<S>::width_of(size_);
+    width_ = elimination_width(size_);
     named_ = 0;
     for (std::size_t i = 0; i < points_.size(); ++i) {
       for (std::size_t k = i; k < points_.size(); ++k) set_response(i, k);
@@ -55,8 +52,8 @@ class PointEquations {
     return true;
   }
   /// Of the point of the next row.
-  template <class Point>
-  Jacobian jacobian(const Candidate&, const Candidate&, const Point&) {
+  template <class Row, class Point>
+  Jacobian jacobian(const Row&, const Point&) {
     return named_++;
   }
 

@@ -36,6 +36,14 @@ std::array<typename PointJacobian<S>::Line, 3> lines_on_first(const Point& point
   };
   return {line(0), line(1), line(2)};
 }
+/// Of a row, how the velocity of the body that is its moved.second moves the point.
+template <class S, class Row, class Point>
+std::array<typename PointJacobian<S>::Line, 3> lines_on_moved(const Row& row, const Point& point) {
+  if constexpr (requires { point.first_arm(0); }) {
+    if (row.moved.second == row.who.first) return lines_on_first<S>(point);
+  }
+  return lines_on_second<S>(point);
+}
 /// @}
 /// A point's velocity by that of one of its bodies, six numbers.
 template <class S>
