@@ -83,9 +83,10 @@ class BlockSquare {
   void solve(std::span<S> b) {
     for (std::size_t i = 0; i < size_; ++i) (*this)(i, size_) = b[i];
     if (size_ == 12) {  // many islands have two bodies, and loops of a known length are faster
-      constexpr std::integral_constant<std::size_t, 12> n;
-      eliminate(n, std::integral_constant<std::size_t, elimination_width(n)>(), numbers_.data(),
-                weight_.data(), b.data());
+      constexpr std::size_t n = 12;
+      eliminate(std::integral_constant<std::size_t, n>(),
+                std::integral_constant<std::size_t, elimination_width(n)>(), numbers_.data(), weight_.data(),
+                b.data());
     } else {
       eliminate(size_, width_, numbers_.data(), weight_.data(), b.data());
     }
