@@ -26,6 +26,10 @@ S speed_scale(const S& size) {
   return root(S(as<S>(10.0) * size));
 }
 
+/// How deep bodies of a crowd may be in one another before they have an impact, as a share of their size: so
+/// dozens of impacts of a heap that are due within one step are resolved a few times together.
+inline constexpr double heap_sinking = 1e-4;
+
 /// A pair that may touch during a part of a step: its manifold where the part begins, and what its points do.
 template <class System>
 struct ContactPair {

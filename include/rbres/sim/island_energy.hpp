@@ -50,7 +50,10 @@ class IslandEnergy {
   };
 
   explicit IslandEnergy(const System& system)
-      : listed_(per_body<bool>(system)), members_(per_body<MaskOf<S>>(system)), name_(per_body<S>(system)) {
+      : in_crowd_(is_crowd(system)),
+        listed_(per_body<bool>(system)),
+        members_(per_body<MaskOf<S>>(system)),
+        name_(per_body<S>(system)) {
     bodies_.reserve(listed_.size());
     listed_.fill(false);
   }
@@ -84,12 +87,13 @@ class IslandEnergy {
                      const Contacts& at_end, const Members& members, const Part& part, State& end) {
     start();
     MaskOf<S> driven(false);    // by a kinematic body, whose contacts do any work
-    MaskOf<S> overlaps(false);  // and is pushed apart, which is work, too
+    MaskOf<S> overlaps(false);  // and is pushed apart, which is work, too: deeper than motion takes bodies
     for (const std::size_t k : island) {
       const auto& pair = pairs[k];
       const MaskOf<S> member = pair.any_resting & members[index(pair.moved.second)];
       add(pair.moved, at_end[k].normal, pair.surface.friction, member);
-      const MaskOf<S> deep = pair.manifold.separation < as<S>(-0.01) * pair.touch;
+      const S sinks = in_crowd_ ? S(as<S>(2 * heap_sinking) * pair.size) : S(as<S>(0.01) * pair.touch);
+      const MaskOf<S> deep = pair.manifold.separation < -sinks;
       overlaps = overlaps | (member & deep);
       if (pair.moved.first >= 0 || pair.plane()) continue;
       const RigidState<S>& partner =
@@ -261,6 +265,7 @@ class IslandEnergy {
     return select(taken & fixed & no_turn, maximum(S(excess - remainder), S(0)), S(0));
   }
 
+  bool in_crowd_;
   Reserved<int, body_room<System>> bodies_;
   PerBody<bool, System::bodies> listed_;
   Members members_;                  ///< of an island in each lane

@@ -285,9 +285,6 @@ class StepParts {
   }
 
  private:
-  /// How deep bodies of a heap may be in one another before they have an impact, as a share of their size:
-  /// so dozens of impacts that are due within one step are resolved a few times together.
-  static constexpr double heap_sinking = 1e-4;
   /// In which forces are found again for bodies that are held.
   static constexpr int most_rounds = 8;
 
