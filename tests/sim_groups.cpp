@@ -250,6 +250,45 @@ TEST_CASE("overlaps of heaps open as far as motion pays for it, and at any cost 
   }
 }
 
+TEST_CASE("smooth heaps make no energy, in a crowd") {
+  // What impacts do to islands that keep their forces, and islands that slide, whose bodies are lifted.
+  const Material<double> smooth{0, 0};
+  const auto check = [&](const std::vector<Body<double>>& bodies, State y,
+                         const std::vector<Plane<double>>& planes) {
+    const Crowd world{bodies, planes};
+    const Vec3<double> g{0, 0, -9.81};
+    const double start = energy(world, y, g);
+    Watch watch{world, g, start};
+    simulate(world, y, Gravity{}, Rk4{}, {.step = 2e-3, .duration = 1.5, .sample_rate = 500},
+             std::ref(watch));
+    CHECK(watch.rise < 1e-13 * start);
+    CHECK(watch.deepest > -1e-4);
+  };
+  SUBCASE("in a pit") {
+    std::vector<Plane<double>> planes{floor_plane(smooth)};
+    for (const auto& [x, y] : {std::pair{1, 0}, {-1, 0}, {0, 1}, {0, -1}})
+      planes.push_back({{double(x), double(y), 0}, -0.66, smooth});
+    std::vector<Body<double>> bodies;
+    State y;
+    for (int k = 0; k < 30; ++k) {
+      if (k % 3 == 0) bodies.push_back({Sphere{0.1}, 1.0, smooth});
+      if (k % 3 == 1) bodies.push_back({Box{0.12, 0.08, 0.1}, 1.0 + 0.1 * (k % 5), smooth});
+      if (k % 3 == 2) bodies.push_back({Capsule{0.06, 0.08}, 1.0, smooth});
+      const int row = k / 3 % 3;
+      auto body =
+          at(0.4 * (k % 3 - 1) + 0.01 * (k % 4), 0.4 * (row - 1) - 0.01 * (k % 5), 0.3 + 0.45 * (k / 9));
+      body.orientation = normalized(Quat<double>{0.1 * (k % 7), 0.3, -0.2, 0.9});
+      body.angular_velocity = {0.3 * (k % 5), 0.2, -0.4};
+      y.body.push_back(body);
+    }
+    check(bodies, y, planes);
+  }
+  SUBCASE("on a floor") {
+    const Clusters clusters(21, 2, smooth);
+    check(clusters.bodies, clusters.y, {floor_plane(smooth)});
+  }
+}
+
 TEST_CASE("a capsule that rocks on two nearly parallel ones neither sinks in nor gains energy, in a crowd") {
   // Where it touches them runs along the axes by the tilt over the square of the skew.
   double rise = 0;

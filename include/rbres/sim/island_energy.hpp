@@ -4,6 +4,7 @@
 #include <rbres/contact/contact_pair.hpp>
 #include <rbres/core/lie.hpp>
 #include <rbres/core/reserved.hpp>
+#include <rbres/sim/kept_islands.hpp>
 #include <rbres/sim/resting_work.hpp>
 #include <span>
 
@@ -28,6 +29,11 @@ void find_lane_islands(const ContactPairs<System>& pairs, std::span<const std::s
   }
 }
 
+template <class S>
+S rotation_energy(const auto& body, const RigidState<S>& state) {
+  return kinetic_energy(S(0), body.inertia(), state);
+}
+
 /// Resting contacts do no work but that of friction, which is never positive. Their forces, constant over a
 /// part of a step, are of second order: they may do work that contacts cannot do. This takes such energy out
 /// of the motion of an island again.
@@ -47,6 +53,7 @@ class IslandEnergy {
     const PerBody<RestingForce<S>, System::bodies>& contact;
     const Members& torqued;  ///< where other forces have had a torque
     const S& seconds;
+    const KeptIslands<System>& kept;  ///< of the same time
   };
 
   explicit IslandEnergy(const System& system)
@@ -78,10 +85,6 @@ class IslandEnergy {
  private:
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
-  static S rotation_energy(const auto& body, const RigidState<S>& state) {
-    return kinetic_energy(S(0), body.inertia(), state);
-  }
-
   /// The same for the island of `members`.
   void bound_members(const System& system, const Pairs& pairs, std::span<const std::size_t> island,
                      const Contacts& at_end, const Members& members, const Part& part, State& end) {
@@ -101,33 +104,68 @@ class IslandEnergy {
       const MaskOf<S> moves = squared_norm(partner.velocity) + squared_norm(partner.angular_velocity) > S(0);
       driven = driven | (member & moves);
     }
-    S excess(0), before(0);
+    S excess(0);
     for (const int i : bodies_) {
       const auto& body = system[i];
       const RigidState<S>&y = part.y[i], &flown = part.flown[i];
       const RestingForce<S>& contact = part.contact[index(i)];
-      // Of the rotation it is what no other torque did: so integrators' errors count, too.
-      S turning = rotation_energy(body, flown) - rotation_energy(body, y);
+      // Of the rotation it is what no impact or other torque did: so integrators' errors count, too.
+      S turning = rotation_energy(body, flown) - rotation_energy(body, y) - part.kept.struck(i);
       if (const MaskOf<S> torqued = part.torqued[index(i)]; any(torqued))
         turning = select(torqued, contact.turning_work(y, flown, part.seconds), turning);
       const S gained = dot(contact.force, flown.position - y.position) + turning +
                        kinetic_energy(body, end[i]) - kinetic_energy(body, flown);
       excess += select(members[index(i)], gained, S(0));
-      before += select(members[index(i)], kinetic_energy(body, part.y[i]), S(0));
     }
     excess = remove_normal(system, part, end, select(driven, S(0), excess), members);
-    const S left = remove(system, end, excess, members);
-    const MaskOf<S> more = left > S(0), too_far = more & !overlaps;
-    if (!any(too_far)) return;
-    // Bodies that were stopped get no farther than their energy takes them against the other forces.
-    const S share = before / select(too_far, S(before + left), S(1));
+    const MaskOf<S> gains = excess > S(0);
+    if (!any(gains)) return;
+    const Rigid carried = rigid_motion(system, end, members);
+    const S taken =
+        shrink(system, end, excess, members, gains, [&](int i) { return remainder(carried, end[i]); });
+    const S left = excess - taken;
+    const MaskOf<S> more = gains & (left > S(0)), too_far = more & !overlaps;
+    if (any(too_far)) hold_back(system, part, members, too_far, left, carried.turn, end);
+  }
+
+  /// A rigid motion of an island.
+  struct Rigid {
+    Vec3<S> centre, velocity, turn;  ///< turn: angular velocity, world frame
+  };
+
+  /// What is left of a body's motion without a rigid one.
+  static RigidState<S> remainder(const Rigid& rigid, RigidState<S> body) {
+    body.velocity -= rigid.velocity + cross(rigid.turn, body.position - rigid.centre);
+    body.angular_velocity -= rotate_back(body.orientation, rigid.turn);
+    return body;
+  }
+
+  /// Bodies that have stopped, but for the island's rigid motion, where they would still gain `left` (J): get
+  /// no farther than their energy takes them against the other forces. `turn`: of the rigid motion.
+  void hold_back(const System& system, const Part& part, const Members& members, const MaskOf<S>& where,
+                 const S& left, const Vec3<S>& turn, State& end) const {
+    const Rigid at_start = rigid_motion(system, part.y, members);
+    S before(0), mass(0);
+    Vec3<S> way;
+    for (const int i : bodies_) {
+      const S here = select(members[index(i)], S(1), S(0)), m = here * system[i].mass();
+      before += here * kinetic_energy(system[i], remainder(at_start, part.y[i]));
+      mass += m;
+      way += m * (end[i].position - part.y[i].position);
+    }
+    const S share = before / select(where, S(before + left), S(1));
+    const Vec3<S> mean = mobile_ * (S(S(1) / select(mass > S(0), mass, S(1))) * way);
+    const Quat<S> turned = quaternion_exp(part.seconds * turn);
     for (const int i : bodies_) {
       const RigidState<S>& from = part.y[i];
-      const MaskOf<S> stays = too_far & members[index(i)];
-      const Vec3<S> way = share * (end[i].position - from.position);
-      const Vec3<S> turn = share * quaternion_log(end[i].orientation * from.orientation.conjugate());
-      end[i].position = select(stays, from.position + way, end[i].position);
-      end[i].orientation = select(stays, quaternion_exp(turn) * from.orientation, end[i].orientation);
+      const MaskOf<S> stays = where & members[index(i)];
+      const Vec3<S> arm = from.position - at_start.centre;
+      const Vec3<S> carried = mean + (rotate(turned, arm) - arm);
+      const Vec3<S> to = from.position + (carried + share * (end[i].position - from.position - carried));
+      const Quat<S> with = turned * from.orientation;
+      const Vec3<S> own = share * quaternion_log(end[i].orientation * with.conjugate());
+      end[i].position = select(stays, to, end[i].position);
+      end[i].orientation = select(stays, quaternion_exp(own) * with, end[i].orientation);
     }
   }
 
@@ -217,27 +255,23 @@ class IslandEnergy {
     return energy;
   }
 
-  /// Takes `excess` (J) where it is positive: the island's motion is one that its contacts never resist (a
-  /// rigid one, along the planes that it lies on), which carries the momentum that they conserve, and a
-  /// remainder without any, which shrinks. `moves`: the lanes in which a body belongs to it. Returns what of
-  /// it was left (J) in islands that may not move at all and have stopped, else zero.
-  S remove(const System& system, State& y, const S& excess, const Members& moves) const {
-    const MaskOf<S> taken = excess > S(0);
-    if (!any(taken)) return S(0);
+  /// The island's motion that its contacts never resist: a rigid one, along the planes that it lies on, which
+  /// carries the momentum that they conserve. What is left has none. `members`: the lanes in which a body
+  /// belongs to it.
+  Rigid rigid_motion(const System& system, const State& y, const Members& members) const {
     S mass(0);
     Vec3<S> momentum, centre;
     for (const int i : bodies_) {
-      const S m = select(moves[std::size_t(i)], system[i].mass(), S(0));
+      const S m = select(members[index(i)], system[i].mass(), S(0));
       mass += m;
       momentum += m * y[i].velocity;
       centre += m * y[i].position;
     }
     const S over = S(1) / select(mass > S(0), mass, S(1));
     centre = over * centre;
-    const Vec3<S> velocity = mobile_ * (over * momentum);
     Vec3<S> spin, xs, ys, zs;  // about the centre: angular momentum, and the columns of the inertia
     for (const int i : bodies_) {
-      const S here = select(moves[std::size_t(i)], S(1), S(0)), m = here * system[i].mass();
+      const S here = select(members[index(i)], S(1), S(0)), m = here * system[i].mass();
       const Mat3<S> axes = rotation_matrix(y[i].orientation);
       const Mat3<S> inertia = rotated_diagonal(axes, system[i].inertia());
       const Vec3<S> r = y[i].position - centre;
@@ -253,16 +287,7 @@ class IslandEnergy {
     const S about = dot(axis_, inertia * axis_);
     const Vec3<S> turn = select(free, symmetric_inverse(inertia) * spin,
                                 S(dot(axis_, spin) / select(about > S(0), about, S(1))) * axis_);
-    const S remainder = shrink(system, y, excess, moves, taken, [&](int i) {
-      RigidState<S> body = y[i];
-      body.velocity -= velocity + cross(turn, body.position - centre);
-      body.angular_velocity -= rotate_back(body.orientation, turn);
-      return body;
-    });
-    const S mobile = squared_norm(mobile_.x) + squared_norm(mobile_.y) + squared_norm(mobile_.z);
-    const MaskOf<S> fixed = mobile < as<S>(1e-6);
-    const MaskOf<S> no_turn = planes_ > S(1);
-    return select(taken & fixed & no_turn, maximum(S(excess - remainder), S(0)), S(0));
+    return {centre, mobile_ * (over * momentum), turn};
   }
 
   bool in_crowd_;

@@ -22,7 +22,7 @@ class KeptIslands {
   explicit KeptIslands(const System& system) : in_crowd_(is_crowd(system)) {
     if constexpr (possible) {
       kept_ = disturbed_ = per_body<bool>(system);
-      elapsed_ = per_body<S>(system);
+      elapsed_ = struck_ = per_body<S>(system);
       start_ = state_of(system);
       pairs_.reserve(most_part_pairs(system));
     }
@@ -62,8 +62,17 @@ class KeptIslands {
   void start(int i, const State& y) {
     if constexpr (possible) {
       start_[i] = y[i];
-      elapsed_[index(i)] = S(0);
+      elapsed_[index(i)] = struck_[index(i)] = S(0);
     }
+  }
+  /// An impact has given body i so much energy (J) of its rotation.
+  void strike(int i, const S& energy) {
+    if constexpr (possible) struck_[index(i)] += energy;
+  }
+  /// What impacts have given its rotation since it has its forces, J.
+  S struck(int i) const {
+    if constexpr (possible) return struck_[index(i)];
+    return S(0);
   }
   /// Where the forces of all bodies began, in a part that began at y.
   const State& start(const State& y) const {
@@ -133,6 +142,7 @@ class KeptIslands {
   bool in_crowd_;
   PerBody<bool, System::bodies> kept_{}, disturbed_{};
   PerBody<S, System::bodies> elapsed_{};  ///< before this part, s
+  PerBody<S, System::bodies> struck_{};
   State start_{};
   Reserved<Rests, room_for<System>(0)> pairs_;
 };

@@ -248,6 +248,11 @@ class RestingContacts {
   }
   /// What find_forces() found.
   const Forces& forces() const { return forces_; }
+  /// An impact has changed how body i moves while these act.
+  void note_impact(int i, const RigidState<S>& before, const RigidState<S>& after) {
+    const auto& body = (*system_)[i];
+    if (kept_.has(i)) kept_.strike(i, rotation_energy(body, after) - rotation_energy(body, before));
+  }
   /// Other forces have this torque on body i while these act.
   void note_torque(int i, const Vec3<S>& torque) {
     const MaskOf<S> turns = squared_norm(torque) > S(0);
@@ -297,7 +302,7 @@ class RestingContacts {
       if (keeps(pairs, island)) continue;
       const S seconds = kept_.age(pairs[islands_[island].front()].moved.second, part);
       energy_.bound(*system_, pairs, islands_[island], at_end_.contacts(), rests_,
-                    {kept_.start(y), flown_, forces_, torqued_, seconds}, end);
+                    {kept_.start(y), flown_, forces_, torqued_, seconds, kept_}, end);
     }
     kept_.end_part(bodies_, pairs, part);
   }

@@ -184,7 +184,10 @@ class StepParts {
             bodies_, [&](int i) { return impacts_.changed(i); }, free_, motion_);
         if constexpr (HearsImpacts<Observer, State, S>)
           observer.impact(now, std::as_const(y), std::as_const(free_));
-        for (const int i : bodies_) y[i] = free_[i];
+        for (const int i : bodies_) {
+          if (any(impacts_.changed(i))) resting_.note_impact(i, y[i], free_[i]);
+          y[i] = free_[i];
+        }
         resolved = true;
         continue;
       }
