@@ -326,6 +326,40 @@ TEST_CASE("a capsule that rocks on two nearly parallel ones neither sinks in nor
   CHECK(rise < 1e-13);  // it was 3e-6 where they touched in a point
 }
 
+TEST_CASE("boxes whose edges overlap where a face has no point any more do not stop time, in a crowd") {
+  // From a heap of 60 bodies: they overlap by 1.2e-4 of their size, deeper and deeper, and touch in no point.
+  const Material<double> material{0.2, 0.5};
+  std::vector<Body<double>> bodies;
+  State y;
+  for (int k = 0; k < 12; ++k) {  // rest
+    bodies.push_back({Sphere{0.1}, 1.0, material});
+    y.body.push_back(at(1 + k, 0, 0.1));
+  }
+  bodies.push_back({Box{0.12, 0.08, 0.1}, 1.0, material});
+  y.body.push_back({{-0.052757885303752, 0.22170570255142563, 0.90145220307889273},
+                    {-0.93487908279212617, -0.010838374050363118, -0.028642840553588775, 0.35364278289075685},
+                    {0.0012617666248483188, -0.0035218653737927484, 0.0062510825753325696},
+                    {-0.012060993433916704, -0.027568066631804593, -0.00085146226515502195}});
+  bodies.push_back(bodies.back());
+  y.body.push_back({{-0.040147033491217725, 0.47393351114900845, 0.85761777380107063},
+                    {0.35187752944656853, -0.028854199545599635, 0.010863968324473915, 0.93553814119543355},
+                    {0.00045999152321347394, 0.00073399969912236606, 0.0030060618332820423},
+                    {-0.032647602360757186, 0.00048066820034886376, -0.00042442312215855806}});
+  {  // a ball that rests on the back of the first: so the boxes are part of a heap
+    const auto& box = y[12];
+    const Vec3<double> back = rotate(box.orientation, Vec3<double>{0, -1, 0});
+    auto ball = at(0, 0, 0);
+    ball.position = box.position + 0.18 * back;
+    ball.velocity = box.velocity + cross(box.angular_velocity_world(), 0.18 * back);
+    bodies.push_back({Sphere{0.1}, 1.0, material});
+    y.body.push_back(ball);
+  }
+  const Crowd world{bodies, {floor_plane(material)}};
+  const auto report = simulate(world, y, Gravity{}, Rk4{}, {.step = 2e-3, .duration = 0.2});
+  CHECK(report.overruns == 0);
+  for (const auto& contact : contacts(world, y)) CHECK(contact.gap > -5e-5);
+}
+
 TEST_CASE("a clump that spins keeps its momentum where its bodies roll on one another") {
   std::vector<Body<double>> bodies;
   State y;

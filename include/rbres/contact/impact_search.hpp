@@ -71,8 +71,9 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
   // A point that overlaps and leaves comes back when it is as deep again. Where two bodies touch, their
   // points cannot be told apart, and edges may slide deeper while all points leave: there a new point shows
   // by a depth that others do not reach. What that adds up to stays below most_sinking(), except in a heap:
-  // there pairs may be deeper already, and time must go on.
-  MaskOf<S> touching(false);
+  // there pairs may be deeper already, where a face that the edges have passed has no point any more, and
+  // time must go on.
+  MaskOf<S> touching = (sinking > S(0)) & (pair.manifold.separation <= S(0));
   for (std::size_t i = 0; i < pair.manifold.used; ++i) touching = touching | pair.touching[i];
   const S room = select(sinking > S(0), pair.near, S(0));
   const auto allowance_of = [&] {
