@@ -140,7 +140,7 @@ class IslandEnergy {
     return body;
   }
 
-  /// Bodies that have stopped, but for the island's rigid motion, where they would still gain `left` (J): get
+  /// Bodies that have stopped, but for the rigid motion of their island, and would still gain `left` (J) get
   /// no farther than their energy takes them against the other forces. `turn`: of the rigid motion.
   void hold_back(const System& system, const Part& part, const Members& members, const MaskOf<S>& where,
                  const S& left, const Vec3<S>& turn, State& end) const {
