@@ -73,7 +73,8 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
   // by a depth that others do not reach. What that adds up to stays below most_sinking(), except in a heap:
   // there pairs may be deeper already, where a face that the edges have passed has no point any more, and
   // time must go on.
-  MaskOf<S> touching = (sinking > S(0)) & (pair.manifold.separation <= S(0));
+  const MaskOf<S> heap = sinking > S(0), overlaps = pair.manifold.separation <= S(0);
+  MaskOf<S> touching = heap & overlaps;
   for (std::size_t i = 0; i < pair.manifold.used; ++i) touching = touching | pair.touching[i];
   const S room = select(sinking > S(0), pair.near, S(0));
   const auto allowance_of = [&] {
