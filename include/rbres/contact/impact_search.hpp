@@ -76,7 +76,7 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
   const MaskOf<S> heap = sinking > S(0), overlaps = pair.manifold.separation <= S(0);
   MaskOf<S> touching = heap & overlaps;
   for (std::size_t i = 0; i < pair.manifold.used; ++i) touching = touching | pair.touching[i];
-  const S room = select(sinking > S(0), pair.near, S(0));
+  const S room = select(heap, pair.near, S(0));
   const auto allowance_of = [&] {
     if (pair.plane() || P == 1) return S(0);
     if (pair.fixed_points()) return select(touching, room, S(0));

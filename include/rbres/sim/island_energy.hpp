@@ -29,6 +29,7 @@ void find_lane_islands(const ContactPairs<System>& pairs, std::span<const std::s
   }
 }
 
+/// Of a body's rotation, J.
 template <class S>
 S rotation_energy(const auto& body, const RigidState<S>& state) {
   return kinetic_energy(S(0), body.inertia(), state);
@@ -125,7 +126,7 @@ class IslandEnergy {
         shrink(system, end, excess, members, gains, [&](int i) { return remainder(carried, end[i]); });
     const S left = excess - taken;
     const MaskOf<S> more = gains & (left > S(0)), too_far = more & !overlaps;
-    if (any(too_far)) hold_back(system, part, members, too_far, left, carried.turn, end);
+    if (any(too_far)) hold_back(system, part, members, too_far, left, carried, end);
   }
 
   /// A rigid motion of an island.
@@ -140,27 +141,24 @@ class IslandEnergy {
     return body;
   }
 
-  /// Bodies that have stopped, but for the rigid motion of their island, and would still gain `left` (J) get
-  /// no farther than their energy takes them against the other forces. `turn`: of the rigid motion.
+  /// Bodies that have stopped, but for the rigid motion of their island (`at_end`), and would still gain
+  /// `left` (J) get no farther than their energy takes them against the other forces.
   void hold_back(const System& system, const Part& part, const Members& members, const MaskOf<S>& where,
-                 const S& left, const Vec3<S>& turn, State& end) const {
+                 const S& left, const Rigid& at_end, State& end) const {
     const Rigid at_start = rigid_motion(system, part.y, members);
-    S before(0), mass(0);
-    Vec3<S> way;
+    S before(0);
     for (const int i : bodies_) {
-      const S here = select(members[index(i)], S(1), S(0)), m = here * system[i].mass();
-      before += here * kinetic_energy(system[i], remainder(at_start, part.y[i]));
-      mass += m;
-      way += m * (end[i].position - part.y[i].position);
+      const S energy = kinetic_energy(system[i], remainder(at_start, part.y[i]));
+      before += select(members[index(i)], energy, S(0));
     }
     const S share = before / select(where, S(before + left), S(1));
-    const Vec3<S> mean = mobile_ * (S(S(1) / select(mass > S(0), mass, S(1))) * way);
-    const Quat<S> turned = quaternion_exp(part.seconds * turn);
+    const Vec3<S> way = mobile_ * (at_end.centre - at_start.centre);
+    const Quat<S> turned = quaternion_exp(part.seconds * at_end.turn);
     for (const int i : bodies_) {
       const RigidState<S>& from = part.y[i];
       const MaskOf<S> stays = where & members[index(i)];
       const Vec3<S> arm = from.position - at_start.centre;
-      const Vec3<S> carried = mean + (rotate(turned, arm) - arm);
+      const Vec3<S> carried = way + (rotate(turned, arm) - arm);
       const Vec3<S> to = from.position + (carried + share * (end[i].position - from.position - carried));
       const Quat<S> with = turned * from.orientation;
       const Vec3<S> own = share * quaternion_log(end[i].orientation * with.conjugate());
