@@ -121,12 +121,12 @@ class IslandEnergy {
     excess = remove_normal(system, part, end, select(driven, S(0), excess), members);
     const MaskOf<S> gains = excess > S(0);
     if (!any(gains)) return;
-    const Rigid carried = rigid_motion(system, end, members);
+    const Rigid carried = rigid_motion(system, members, [&](int i) { return end[i]; });
     const S taken =
         shrink(system, end, excess, members, gains, [&](int i) { return remainder(carried, end[i]); });
     const S left = excess - taken;
     const MaskOf<S> more = gains & (left > S(0)), too_far = more & !overlaps;
-    if (any(too_far)) hold_back(system, part, members, too_far, left, carried, end);
+    if (any(too_far)) hold_back(system, part, members, too_far, left, end);
   }
 
   /// A rigid motion of an island.
@@ -141,29 +141,33 @@ class IslandEnergy {
     return body;
   }
 
-  /// Bodies that have stopped, but for the rigid motion of their island (`at_end`), and would still gain
-  /// `left` (J) get no farther than their energy takes them against the other forces.
+  /// Bodies that have stopped, but for the rigid motion of their island, and would still gain `left` (J) get
+  /// no farther than their energy takes them against the other forces, but for a rigid way of their island.
   void hold_back(const System& system, const Part& part, const Members& members, const MaskOf<S>& where,
-                 const S& left, const Rigid& at_end, State& end) const {
-    const Rigid at_start = rigid_motion(system, part.y, members);
+                 const S& left, State& end) const {
+    const Rigid motion = rigid_motion(system, members, [&](int i) { return part.y[i]; });
     S before(0);
     for (const int i : bodies_) {
-      const S energy = kinetic_energy(system[i], remainder(at_start, part.y[i]));
+      const S energy = kinetic_energy(system[i], remainder(motion, part.y[i]));
       before += select(members[index(i)], energy, S(0));
     }
     const S share = before / select(where, S(before + left), S(1));
-    const Vec3<S> way = mobile_ * (at_end.centre - at_start.centre);
-    const Quat<S> turned = quaternion_exp(part.seconds * at_end.turn);
+    const auto way_of = [&](int i) {  // from where the part begins: as if it were a velocity
+      const RigidState<S>& from = part.y[i];
+      const Vec3<S> turn = quaternion_log(end[i].orientation * from.orientation.conjugate());
+      return RigidState<S>{from.position, from.orientation, end[i].position - from.position,
+                           rotate_back(from.orientation, turn)};
+    };
+    const Rigid rigid_way = rigid_motion(system, members, way_of);
     for (const int i : bodies_) {
       const RigidState<S>& from = part.y[i];
       const MaskOf<S> stays = where & members[index(i)];
-      const Vec3<S> arm = from.position - at_start.centre;
-      const Vec3<S> carried = way + (rotate(turned, arm) - arm);
-      const Vec3<S> to = from.position + (carried + share * (end[i].position - from.position - carried));
-      const Quat<S> with = turned * from.orientation;
-      const Vec3<S> own = share * quaternion_log(end[i].orientation * with.conjugate());
+      const RigidState<S> way = way_of(i), own = remainder(rigid_way, way);
+      const S back = S(1) - share;
+      const Vec3<S> turn = rotate(from.orientation, way.angular_velocity - back * own.angular_velocity);
+      const Vec3<S> to = from.position + (way.velocity - back * own.velocity);
       end[i].position = select(stays, to, end[i].position);
-      end[i].orientation = select(stays, quaternion_exp(own) * with, end[i].orientation);
+      end[i].orientation = select(stays, quaternion_exp(turn) * from.orientation, end[i].orientation);
     }
   }
 
@@ -255,25 +259,28 @@ class IslandEnergy {
 
   /// The island's motion that its contacts never resist: a rigid one, along the planes that it lies on, which
   /// carries the momentum that they conserve. What is left has none. `members`: the lanes in which a body
-  /// belongs to it.
-  Rigid rigid_motion(const System& system, const State& y, const Members& members) const {
+  /// belongs to it; motion(i): a body's place, and its velocities or how far they have taken it.
+  template <class MotionOf>
+  Rigid rigid_motion(const System& system, const Members& members, const MotionOf& motion) const {
     S mass(0);
     Vec3<S> momentum, centre;
     for (const int i : bodies_) {
+      const RigidState<S> y = motion(i);
       const S m = select(members[index(i)], system[i].mass(), S(0));
       mass += m;
-      momentum += m * y[i].velocity;
-      centre += m * y[i].position;
+      momentum += m * y.velocity;
+      centre += m * y.position;
     }
     const S over = S(1) / select(mass > S(0), mass, S(1));
     centre = over * centre;
     Vec3<S> spin, xs, ys, zs;  // about the centre: angular momentum, and the columns of the inertia
     for (const int i : bodies_) {
+      const RigidState<S> y = motion(i);
       const S here = select(members[index(i)], S(1), S(0)), m = here * system[i].mass();
-      const Mat3<S> axes = rotation_matrix(y[i].orientation);
+      const Mat3<S> axes = rotation_matrix(y.orientation);
       const Mat3<S> inertia = rotated_diagonal(axes, system[i].inertia());
-      const Vec3<S> r = y[i].position - centre;
-      spin += m * cross(r, y[i].velocity) + here * (axes * scale(system[i].inertia(), y[i].angular_velocity));
+      const Vec3<S> r = y.position - centre;
+      spin += m * cross(r, y.velocity) + here * (axes * scale(system[i].inertia(), y.angular_velocity));
       const S r2 = squared_norm(r);
       xs += here * inertia.x + m * (Vec3<S>{r2, S(0), S(0)} - r.x * r);
       ys += here * inertia.y + m * (Vec3<S>{S(0), r2, S(0)} - r.y * r);
