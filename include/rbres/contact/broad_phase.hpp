@@ -21,11 +21,10 @@ struct Ball {
   int body;
 };
 
-/// Calls found(Candidate) for all pairs of balls around position(i) of radius reach(i) that overlap: sort and
-/// sweep along x (Baraff 1992). `balls` know their body; they are kept in their order from call to call, so
-/// that sorting is nearly free.
-template <class Balls, class Position, class Reach, class Found>
-void sweep(Balls& balls, const Position& position, const Reach& reach, const Found& found) {
+/// Puts balls around position(i) of radius reach(i) in order. `balls` know their body; they are kept in their
+/// order from call to call, so that sorting is nearly free.
+template <class Balls, class Position, class Reach>
+void sort_along_x(Balls& balls, const Position& position, const Reach& reach) {
   for (auto& ball : balls) {
     ball.centre = position(ball.body);
     ball.radius = reach(ball.body);
@@ -37,6 +36,13 @@ void sweep(Balls& balls, const Position& position, const Reach& reach, const Fou
     for (; at > 0 && moved.low < balls[at - 1].low; --at) balls[at] = balls[at - 1];
     balls[at] = moved;
   }
+}
+
+/// Calls found(Candidate) for all pairs of balls around position(i) of radius reach(i) that overlap: sort and
+/// sweep along x (Baraff 1992). See sort_along_x().
+template <class Balls, class Position, class Reach, class Found>
+void sweep(Balls& balls, const Position& position, const Reach& reach, const Found& found) {
+  sort_along_x(balls, position, reach);
   for (std::size_t k = 0; k < balls.size(); ++k) {
     const auto ball = balls[k];
     const auto end = ball.centre.x + ball.radius;
@@ -93,16 +99,7 @@ class BroadPhase {
                     std::span<const int> bodies) requires(ScalarTraits<S>::lanes == 1) {
     const auto reach_of = [&](int i) -> const S& { return reach[static_cast<std::size_t>(i)]; };
     if (std::ssize(bodies) == system.size()) return find(system, state, reach);
-    pairs_.clear();
-    for (int plane = 0; plane < std::ssize(system.planes()); ++plane) {
-      for (const int i : bodies) {
-        if (detail::near_plane(system.planes()[static_cast<std::size_t>(plane)], state[i].position,
-                               reach_of(i)) &&
-            system.collides(-1 - plane, i)) {
-          pairs_.push_back({-1 - plane, i});
-        }
-      }
-    }
+    find_on_planes(system, state, bodies, reach_of);
     if constexpr (!sweeps) {
       for (std::size_t k = 0; k < bodies.size(); ++k) {
         for (std::size_t l = k + 1; l < bodies.size(); ++l) {
@@ -122,9 +119,65 @@ class BroadPhase {
     return pairs_;
   }
 
+  /// The same pairs that have one of `some` in it: has(i) says which. `bodies` are those of the last call
+  /// without.
+  template <class System, class Has>
+  const Pairs& find(const System& system, const SystemState<S, N>& state, const detail::PerBody<S, N>& reach,
+                    std::span<const int> bodies, std::span<const int> some,
+                    const Has& has) requires(N == dynamic && ScalarTraits<S>::lanes == 1) {
+    const auto reach_of = [&](int i) -> const S& { return reach[static_cast<std::size_t>(i)]; };
+    find_on_planes(system, state, some, reach_of);
+    const auto planes_end = static_cast<std::ptrdiff_t>(pairs_.size());
+    if (std::ssize(bodies) == system.size()) {
+      find_of(system, state, reach_of, some, has, all_);
+    } else {
+      find_of(system, state, reach_of, some, has, some_);
+    }
+    std::sort(pairs_.begin() + planes_end, pairs_.end(), detail::comes_before);
+    return pairs_;
+  }
+
  private:
   using Ball = detail::Ball<S>;
 
+  /// The pairs of `bodies` and planes alone.
+  template <class System, class Reach>
+  void find_on_planes(const System& system, const SystemState<S, N>& state, std::span<const int> bodies,
+                      const Reach& reach_of) {
+    pairs_.clear();
+    for (int plane = 0; plane < std::ssize(system.planes()); ++plane) {
+      for (const int i : bodies) {
+        if (detail::near_plane(system.planes()[static_cast<std::size_t>(plane)], state[i].position,
+                               reach_of(i)) &&
+            system.collides(-1 - plane, i)) {
+          pairs_.push_back({-1 - plane, i});
+        }
+      }
+    }
+  }
+  /// Adds the pairs of bodies of `balls` that have one of `some` in it.
+  template <class System, class Reach, class Has, class Balls>
+  void find_of(const System& system, const SystemState<S, N>& state, const Reach& reach_of,
+               std::span<const int> some, const Has& has, Balls& balls) {
+    detail::sort_along_x(
+        balls, [&](int i) -> const Vec3<S>& { return state[i].position; }, reach_of);
+    S widest(0);
+    for (const Ball& ball : balls) widest = maximum(widest, ball.radius);
+    for (const int i : some) {
+      const Vec3<S>& centre = state[i].position;
+      const S radius = reach_of(i), begin = centre.x - radius - S(2) * widest;
+      auto at = std::lower_bound(balls.begin(), balls.end(), begin,
+                                 [](const Ball& ball, const S& x) { return ball.low < x; });
+      for (; at != balls.end() && at->low < centre.x + radius; ++at) {
+        const int k = at->body;
+        if (k == i || (k < i && has(k))) continue;
+        const Candidate pair{std::min(i, k), std::max(i, k)};
+        if (detail::balls_overlap(centre, radius, at->centre, at->radius) &&
+            system.collides(pair.first, pair.second))
+          pairs_.push_back(pair);
+      }
+    }
+  }
   /// Adds the pairs of the bodies of `balls`.
   template <class System, class Reach, class Balls>
   void sweep(const System& system, const SystemState<S, N>& state, const Reach& reach_of, Balls& balls) {

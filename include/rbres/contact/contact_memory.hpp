@@ -82,7 +82,10 @@ class ContactMemory {
     return entry ? entry->force : std::array<S, 3>{S(0), S(0), S(0)};
   }
 
-  void start() { next_.clear(); }
+  void start() {
+    next_.clear();
+    kept_ = 0;
+  }
   /// Keeps a row's impulse as a force (times `rate`, 1/s) for the next part, in the lanes `open`; the others
   /// keep what they have.
   void keep(const Row& row, const S& rate, const MaskOf<S>& open) {
@@ -92,15 +95,25 @@ class ContactMemory {
     for (std::size_t d = 0; d < 3; ++d) entry.force[d] = select(open, S(rate * row.impulse()[d]), old[d]);
     next_.push_back(entry);
   }
-  /// Keeps what is known of a pair's forces.
+  /// Keeps what is known of a pair's forces: of pairs in the order in which they are found, and before those
+  /// of rows.
   void keep(const Pair& pair) {
     const auto all = known();
     const long first = key(pair.who, pair.place(0)), last = key(pair.who, pair.place(Pair::points));
     for (auto at = at_or_after(all, first); at != all.end() && at->key < last; ++at) {
       if (next_.size() < next_.capacity()) next_.push_back(*at);
     }
+    kept_ = next_.size();
   }
   void finish(const MaskOf<S>& open) {
+    if (kept_ > 0) {
+      const auto rows = next_.begin() + static_cast<std::ptrdiff_t>(kept_);
+      std::sort(rows, next_.end(), by_key);
+      last_.resize(next_.size());
+      std::merge(next_.begin(), rows, rows, next_.end(), last_.begin(), by_key);
+      fresh_ = false;
+      return;
+    }
     sort(next_);
     if (!all(open)) {  // what other lanes still hold on to
       const std::size_t fresh = next_.size();
@@ -163,6 +176,7 @@ class ContactMemory {
   }
 
   int bodies_, planes_;
+  std::size_t kept_ = 0;        ///< of `next_`
   std::size_t next_found_ = 0;  ///< what is asked for next is most often behind what was found last
   Reserved<Entry, row_room<System>> last_, next_;
   static constexpr std::size_t group_room = has_groups<System> ? row_room<System> : 0;

@@ -53,9 +53,11 @@ struct ContactPair {
   std::array<S, points> speed;  ///< at which each point's gap opens, m/s
   std::array<MaskOf<S>, points> touching{}, resting{};
   MaskOf<S> any_resting;
-  bool known = false;  ///< whether the manifold is that of the present state
-  bool round = false;  ///< of a crowd: a ball and another body, or two capsules
-  S impact;            ///< when it has one, s after the part begins, if that is before its end
+  bool known = false;     ///< whether the manifold is that of the present state
+  bool round = false;     ///< of a crowd: a ball and another body, or two capsules
+  S impact;               ///< when it has one, s after the part begins, if that is before its end
+  bool foreseen = false;  ///< whether that was found where an earlier part began
+  S apart{0};             ///< of a crowd: for how long it certainly comes no nearer than `near`, s
   Surface<S> surface;
   S size;         ///< the smaller bounding radius, of the whole bodies, m
   S touch;        ///< points closer than this touch, m
@@ -81,6 +83,28 @@ struct ContactPair {
     still = minimum(rest_speed, S(as<S>(100 * Constants<S>::touch) * speed_scale));
   }
 
+  /// The same pair of bodies that are on course: all but the points where they meet, which nobody asks for.
+  static ContactPair on_course(const ContactPair& pair) {
+    ContactPair same{};
+    same.who = pair.who;
+    same.moved = pair.moved;
+    same.parts = pair.parts;
+    same.manifold.separation = pair.manifold.separation;
+    same.resting = pair.resting;
+    same.any_resting = pair.any_resting;
+    same.round = pair.round;
+    same.impact = pair.impact;
+    same.foreseen = pair.foreseen;
+    same.apart = pair.apart;
+    same.surface = pair.surface;
+    same.size = pair.size;
+    same.touch = pair.touch;
+    same.near = pair.near;
+    same.speed_scale = pair.speed_scale;
+    same.rest_speed = pair.rest_speed;
+    same.still = pair.still;
+    return same;
+  }
   bool plane() const { return who.first < 0; }
   /// The number of point i among those of all parts of the two bodies.
   std::size_t place(std::size_t i) const { return parts.number() * points + i; }

@@ -43,6 +43,15 @@ typename System::Scalar displacement_bound(const System& system, const Candidate
   return bound;
 }
 
+/// For how long the pair certainly comes no nearer than `near` between the two states, s: see ContactPair.
+template <class System>
+typename System::Scalar time_apart(const System& system, const ContactPair<System>& pair,
+                                   const typename System::State& start, const typename System::State& end) {
+  using S = typename System::Scalar;
+  const S fastest = speed_bound(system, pair.who, start, end) + as<S>(1e-6) * pair.speed_scale;
+  return maximum(S(pair.manifold.separation - pair.near), S(0)) / fastest;
+}
+
 /// When a pair touches between `start` and `end`, `part` seconds later, at a point that does not rest; `part`
 /// where it does not; earlier where the walk ended before. `pair` knows the start; `end_motion` is that of
 /// `end`, `at` any state. A pair may get as deep as `sinking` (share of its size) before it has an impact.

@@ -70,7 +70,10 @@ void set_motions(const System& system, const BodyIndices<System>& bodies, const 
 /// Gives a state the velocities of `motion` in those of `bodies` and lanes that are changed(i).
 template <class Bodies, class State, class Motions, class Changed>
 void take_velocities(const Bodies& bodies, const Changed& changed, State& y, const Motions& motion) {
-  for (const int i : bodies) set_velocities_where(changed(i), y[i], motion[static_cast<std::size_t>(i)]);
+  for (const int i : bodies) {
+    if (const auto where = changed(i); any(where))
+      set_velocities_where(where, y[i], motion[static_cast<std::size_t>(i)]);
+  }
 }
 
 }  // namespace detail

@@ -3,6 +3,7 @@
 #include <limits>
 #include <rbres/contact/broad_phase.hpp>
 #include <rbres/contact/contact_pair.hpp>
+#include <rbres/contact/on_course.hpp>
 #include <rbres/core/reserved.hpp>
 
 namespace rbres::RBRES_ABI::detail {
@@ -71,8 +72,10 @@ class PairSearch {
   }
   /// The same as before.
   const Ways& ways() const { return way_; }
-  /// The pairs that may touch on these ways, in the lanes `running`.
-  ContactPairs<System>& find(const Bodies& bodies, const State& from, const MaskOf<S>& running) {
+  /// The pairs that may touch on these ways, in the lanes `running`. Those of two bodies that are on course
+  /// stay as they were.
+  ContactPairs<System>& find(const Bodies& bodies, const State& from, const MaskOf<S>& running,
+                             const OnCourse<System>& course) {
     constexpr auto nan = std::numeric_limits<typename Constants<S>::Real>::quiet_NaN();
     for (const int i : bodies) {
       // Nothing meets a body whose reach is NaN: lanes that are done need no pairs.
@@ -82,12 +85,18 @@ class PairSearch {
     if constexpr (remembers) last_.swap(pairs_);
     auto last = last_.begin();
     pairs_.clear();
+    const auto keep = [&] {
+      if (course.has(*last)) pairs_.push_back(ContactPair<System>::on_course(*last));
+      ++last;
+    };
     const auto add_pair = [&](const auto&... pair) {
-      auto& added = pairs_.emplace_back(*system_, pair...);
-      while (last != last_.end() && found_before(*last, added)) ++last;
-      if (last == last_.end() || found_before(added, *last) || !last->known) return;
-      added.manifold = last->manifold;
-      added.known = true;
+      ContactPair<System> added(*system_, pair...);
+      while (last != last_.end() && found_before(*last, added)) keep();
+      if (last != last_.end() && !found_before(added, *last) && last->known) {
+        added.manifold = last->manifold;
+        added.known = true;
+      }
+      pairs_.push_back(added);
     };
     const auto add = [&](const auto& found) {
       for (const Candidate& who : found) {
@@ -101,6 +110,13 @@ class PairSearch {
       }
     };
     if constexpr (has_groups<System>) {
+      if constexpr (remembers) {
+        if (const auto others = course.others(); others.size() < bodies.size()) {
+          add(broad_.find(*system_, from, reach_, bodies, others, [&](int i) { return !course.has(i); }));
+          while (last != last_.end()) keep();
+          return pairs_;
+        }
+      }
       add(broad_.find(*system_, from, reach_, bodies));
     } else {
       add(broad_.find(*system_, from, reach_));
@@ -161,27 +177,23 @@ typename System::Scalar fastest_spin(const ContactPairs<System>& pairs, const ty
   return root(most2);
 }
 
-/// Notes how fast the pairs' points open.
+/// Notes how fast the points of a pair open.
 template <class System>
-void measure_speeds(const MotionsOf<System>& motion, ContactPairs<System>& pairs) {
+void measure_speeds(const MotionsOf<System>& motion, ContactPair<System>& pair) {
   using S = typename System::Scalar;
-  for (ContactPair<System>& pair : pairs) {
-    for (std::size_t i = 0; i < pair.manifold.used; ++i) {
-      const bool there = any(pair.manifold.gap[i] < S(pair.manifold.none / 2));
-      pair.speed[i] = there ? pair.opening(pair.manifold, i, motion) : S(0);
-    }
+  for (std::size_t i = 0; i < pair.manifold.used; ++i) {
+    const bool there = any(pair.manifold.gap[i] < S(pair.manifold.none / 2));
+    pair.speed[i] = there ? pair.opening(pair.manifold, i, motion) : S(0);
   }
 }
-/// Notes how the pairs meet in a state with these motions; points touch in the lanes `where` at most.
+/// Notes how a pair meets in a state with these motions; points touch in the lanes `where` at most.
 template <class System>
 void measure(const System& system, const typename System::State& y, const MotionsOf<System>& motion,
-             const MaskOf<typename System::Scalar>& where, ContactPairs<System>& pairs) {
-  for (ContactPair<System>& pair : pairs) {
-    pair.know_manifold(system, y);
-    for (std::size_t i = 0; i < pair.manifold.used; ++i)
-      pair.touching[i] = where & (pair.manifold.gap[i] <= pair.touch);
-  }
-  measure_speeds<System>(motion, pairs);
+             const MaskOf<typename System::Scalar>& where, ContactPair<System>& pair) {
+  pair.know_manifold(system, y);
+  for (std::size_t i = 0; i < pair.manifold.used; ++i)
+    pair.touching[i] = where & (pair.manifold.gap[i] <= pair.touch);
+  measure_speeds(motion, pair);
 }
 
 }  // namespace rbres::RBRES_ABI::detail

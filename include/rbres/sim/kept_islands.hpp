@@ -36,6 +36,11 @@ class KeptIslands {
     }
   }
 
+  /// Whether an impact at the end of the last part reached body i: see choose().
+  bool disturbed(int i) const {
+    if constexpr (possible) return disturbed_[index(i)];
+    return true;
+  }
   /// Whether body i is in an island that keeps its forces.
   bool has(int i) const {
     if constexpr (possible) return in_crowd_ && kept_[index(i)];
@@ -85,15 +90,18 @@ class KeptIslands {
     return seconds;
   }
 
-  /// Chooses the islands that keep their forces after a part that an impact has ended when it was so many
-  /// `seconds` old: those that no impact reaches, however it is handed on. `at_end`: how the pairs meet
-  /// there.
-  template <class Contacts>
-  void choose(const Bodies& bodies, const Pairs& pairs, const Contacts& at_end, const S& seconds) {
+  /// Chooses the islands that keep their forces after a part of at `most` so many seconds that an impact has
+  /// ended when it was so many `seconds` old: those that no impact reaches, however it is handed on. Pairs
+  /// that touch there and have theirs later have it then, too. touches(k): whether pair k does.
+  template <class Touches>
+  void choose(const Bodies& bodies, const Pairs& pairs, const Touches& touches, const S& seconds,
+              const S& most) {
     if constexpr (possible) {
       for (const int i : bodies) disturbed_[index(i)] = false;
-      for (const Pair& pair : pairs) {
-        if (pair.impact > seconds) continue;
+      for (std::size_t k = 0; k < pairs.size(); ++k) {
+        const Pair& pair = pairs[k];
+        const bool due = pair.impact <= seconds || (pair.impact < most && !pair.any_resting && touches(k));
+        if (!due) continue;
         disturbed_[index(pair.moved.second)] = true;
         if (pair.moved.first >= 0) disturbed_[index(pair.moved.first)] = true;
       }
@@ -103,7 +111,7 @@ class KeptIslands {
           const Pair& pair = pairs[k];
           if (pair.moved.first < 0) continue;
           bool &a = disturbed_[index(pair.moved.first)], &b = disturbed_[index(pair.moved.second)];
-          if (a == b || !(pair.any_resting || touches(pair, at_end[k]))) continue;
+          if (a == b || !(pair.any_resting || touches(k))) continue;
           a = b = more = true;
         }
       }
@@ -134,10 +142,6 @@ class KeptIslands {
     [[no_unique_address]] typename Pair::Parts parts;
   };
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
-  static bool touches(const Pair& pair, const typename Pair::Contact& contact) {
-    return std::any_of(contact.gap.begin(), contact.gap.begin() + std::ptrdiff_t(contact.used),
-                       [&](const S& gap) { return gap <= pair.touch; });
-  }
 
   bool in_crowd_;
   PerBody<bool, System::bodies> kept_{}, disturbed_{};

@@ -81,15 +81,17 @@ class RestingContacts {
 
   /// Marks the points that touch, or nearly so, and move slowly; groups their pairs, of `bodies`, into
   /// islands. False where there are none.
-  bool find(const Bodies& bodies, Pairs& pairs, const Motions& motion, const MaskOf<S>& running) {
-    bodies_ = bodies;
+  bool find(const Bodies& bodies, Pairs& pairs, const Motions& motion, const MaskOf<S>& running,
+            const OnCourse<System>& course) {
+    all_ = bodies;
+    bodies_ = course.others();
     islands_.clear();
     moving_.start_part(bodies_, motion);
     for (const int i : bodies_) rests_[index(i)] = MaskOf<S>(false);
     bool found = false;
     for (std::size_t k = 0; k < pairs.size(); ++k) {
       Pair& pair = pairs[k];
-      if (!kept_.mark(pair)) mark_resting(pair, running);
+      if (!kept_.mark(pair) && !course.has(pair)) mark_resting(pair, running);
       if (!any(pair.any_resting)) continue;
       found = true;
       for (const int body : {pair.moved.first, pair.moved.second}) {
@@ -98,7 +100,8 @@ class RestingContacts {
       islands_.add(k, pair.moved.first, pair.moved.second);
     }
     if (!found) {
-      kept_.clear(bodies_);
+      kept_.clear(all_);
+      for (const int i : bodies_) forces_[index(i)] = {};
       return false;
     }
     islands_.group(Packed<S>);
@@ -179,11 +182,11 @@ class RestingContacts {
     memory_.start();
     auto& halfway = at_end_.room(pairs);
     turns_.start(bodies_, motion, left, pairs.size());
+    for (const Pair& pair : pairs) {
+      if (any(pair.any_resting) && kept_.has(pair)) memory_.keep(pair);
+    }
     for (std::size_t island = 0; island < islands_.count(); ++island) {
-      if (keeps(pairs, island)) {
-        for (const std::size_t k : islands_[island]) memory_.keep(pairs[k]);
-        continue;
-      }
+      if (keeps(pairs, island)) continue;
       const bool moving = is_moving(pairs, island);
       turns_.find_halfway(*system_, pairs, islands_[island], y, motion, left, halfway);
       take_up(pairs, island, [&](std::size_t k, const Pair& pair, std::size_t i) {
@@ -260,22 +263,33 @@ class RestingContacts {
   }
 
   /// See PartEnd::sunk(), of bodies that the contacts' forces have taken to `flown`.
-  S sunk(const Pairs& pairs, const State& flown, const MaskOf<S>& all, const S& sinking) {
-    return at_end_.sunk(pairs, flown, all, sinking, [&](const Pair& pair) { return moving_.has(pair); });
+  S sunk(const Pairs& pairs, const State& flown, const S& seconds, const OnCourse<System>& course,
+         const MaskOf<S>& all, const S& sinking) {
+    return at_end_.sunk(pairs, flown, seconds, course, all, sinking,
+                        [&](const Pair& pair) { return moving_.has(pair); });
   }
 
-  /// Chooses the islands that keep their forces after a part of so many seconds, for whose end sunk() was
-  /// asked: where it `may` be, those that no impact there reaches.
-  void keep_undisturbed(const Pairs& pairs, bool may, const S& seconds) {
+  /// Whether a resting pair would be too deep at `end`, where its forces take its bodies if no impact does.
+  bool sinks(const Pair& pair, const State& end, const S& sinking) const {
+    typename Pair::Contact contact;
+    pair.find(*system_, end, contact);
+    return any(at_end_.sunk(pair, contact, MaskOf<S>(true), sinking, moving_.has(pair)) > S(1));
+  }
+
+  /// Chooses the islands that keep their forces after a part of so many seconds, for whose end, `flown`,
+  /// sunk() was asked: where it `may` be, those that no impact there reaches.
+  void keep_undisturbed(const Pairs& pairs, bool may, const State& flown, const S& seconds, const S& most) {
     within_step_ = may;
-    may ? kept_.choose(bodies_, pairs, at_end_.contacts(), seconds) : kept_.clear(bodies_);
+    const auto touches = [&](std::size_t k) { return at_end_.touches(pairs, k, flown, seconds); };
+    may ? kept_.choose(all_, pairs, touches, seconds, most) : kept_.clear(all_);
   }
 
   /// Changes the velocities of `end`, for which sunk() was asked, in islands that do not keep their forces,
   /// so that no resting point approaches, and contacts have done no work that they cannot do from y on, in
-  /// `part` seconds.
-  void correct_velocities(const Pairs& pairs, const State& y, State& end, const S& part,
+  /// `part` seconds. `bodies`: those that keep_undisturbed() has left.
+  void correct_velocities(const Bodies& bodies, const Pairs& pairs, const State& y, State& end, const S& part,
                           const ClosingRate<S>& pull) {
+    bodies_ = bodies;
     for (const int i : bodies_) flown_[i] = end[i];
     set_motions(*system_, bodies_, end, end_);
     for (std::size_t island = 0; island < islands_.count(); ++island) {
@@ -283,7 +297,7 @@ class RestingContacts {
       rows_.clear();
       for (const std::size_t k : islands_[island]) {
         const Pair& pair = pairs[k];
-        const typename Pair::Contact& at_end = at_end_.contacts()[k];
+        const typename Pair::Contact& at_end = at_end_.find(pairs, k, flown_);
         if (rows_.full()) continue;
         for (std::size_t i = 0; i < at_end.used; ++i) {
           const MaskOf<S> near = at_end.gap[i] <= pair.near;  // points may have changed places
@@ -304,13 +318,11 @@ class RestingContacts {
       energy_.bound(*system_, pairs, islands_[island], at_end_.contacts(), rests_,
                     {kept_.start(y), flown_, forces_, torqued_, seconds, kept_}, end);
     }
-    kept_.end_part(bodies_, pairs, part);
+    kept_.end_part(all_, pairs, part);
   }
 
   /// See PartEnd::note_manifolds().
-  void note_manifolds(Pairs& pairs, const State& y, bool all) const {
-    at_end_.note_manifolds(pairs, flown_, y, all);
-  }
+  void note_manifolds(Pairs& pairs, const State& y) const { at_end_.note_manifolds(pairs, flown_, y); }
 
   /// Where a body has a resting contact and new forces.
   MaskOf<S> moves(int i) const { return kept_.has(i) ? MaskOf<S>(false) : rests_[index(i)]; }
@@ -358,7 +370,8 @@ class RestingContacts {
 
   const System* system_;
   bool in_crowd_;
-  Bodies bodies_;  ///< that may rest
+  Bodies all_;     ///< that may rest
+  Bodies bodies_;  ///< those of which more is to be found than that they go on as they did
   Islands<System> islands_;
   ContactRows<System> rows_;
   ContactMemory<System> memory_;

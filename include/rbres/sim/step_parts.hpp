@@ -35,9 +35,11 @@ class StepParts {
         resting_(system),
         free_(state_of(system)),
         part_end_(free_),
+        cut_(free_),
         motion_(per_body<Motion<S>>(system)),
         end_motion_(motion_),
         probe_(free_),
+        course_(system),
         log_(system),
         sleeping_(system) {}
 
@@ -86,7 +88,7 @@ class StepParts {
   void fly_freely(const Bodies& bodies, const Model& forces, const Integrator& integrator, const State& y,
                   const S& t, const S& h) {
     bodies_ = bodies;
-    if (!flown_) fly_to(free_, forces, integrator, y, t, h);
+    if (!flown_) fly_to(free_, bodies_, forces, integrator, y, t, h);
     sleeping_.hold(bodies_, y, free_);
     search_.start_part(bodies_);
   }
@@ -106,7 +108,7 @@ class StepParts {
                         State& y) const {
     constexpr auto nan = std::numeric_limits<typename Constants<S>::Real>::quiet_NaN();
     MaskOf<S> faulty(false);
-    for (const int i : bodies_) {
+    for (const int i : course_.others()) {
       const RigidState<S>& ahead = free_[i];
       const Quat<S>& q = ahead.orientation;
       const S all_of_it =
@@ -129,7 +131,8 @@ class StepParts {
     resting_.start_step(bodies_);
     search_.forget();
     search_.start_part(bodies_);
-    S left = h;
+    course_.clear(bodies_);
+    S left = h, known = h;  // how far those on course are known to go
     MaskOf<S> lost(false);  // too far for one step, or without an end of impacts
     bool resolved = false;  // the impacts of this instant
     S longest = h;          // part that can be computed at once
@@ -146,18 +149,24 @@ class StepParts {
                                 in_crowd_ ? as<S>(1.1 * heap_sinking) : S(0)};
 
       // Find the pairs that may touch before the step is over.
+      if constexpr (OnCourse<System>::possible) {
+        if (ahead != known) course_.clear(bodies_);
+      }
       if (!flown) {
-        fly_to(free_, forces, integrator, y, now, ahead);
+        fly_to(free_, course_.others(), forces, integrator, y, now, ahead);
         sleeping_.hold(bodies_, y, free_);
-        const MaskOf<S> faulty = mark_faults(search_.ways(bodies_, y, free_, ahead), running, y);
+        const MaskOf<S> faulty = mark_faults(search_.ways(course_.others(), y, free_, ahead), running, y);
         left = select(faulty, S(0), left);
         running = running & !faulty;
         if (!hold(search_.ways())) return left;
       }
       flown = false;
       const auto& ways = search_.ways();
-      Pairs& pairs = search_.find(bodies_, y, running);
-      if (!sleeping_.sift(y, free_, ways, ahead, pairs)) continue;
+      Pairs& pairs = search_.find(bodies_, y, running, course_);
+      if (!sleeping_.sift(y, free_, ways, ahead, pairs)) {
+        course_.clear(bodies_);
+        continue;
+      }
       if (pairs.empty()) {
         replace(running, free_, y);
         left = select(running, S(left - ahead), left);
@@ -174,41 +183,57 @@ class StepParts {
         continue;
       }
 
-      set_motions(*system_, bodies_, y, motion_);
-      measure(*system_, y, motion_, running, pairs);
+      set_motions(*system_, course_.others(), y, motion_);
+      for (auto& pair : pairs) {
+        if (course_.has(pair)) continue;
+        for (const int i : {pair.who.first, pair.who.second}) {
+          if (i >= 0 && course_.has(i)) set_motion(i, y);
+        }
+      }
+      for (auto& pair : pairs) {
+        if (!course_.has(pair)) measure(*system_, y, motion_, running, pair);
+      }
 
       // Resolve the impacts of this instant.
       if (!resolved && any(resolve_impacts(pairs, now, observer, tally))) {
-        for (const int i : bodies_) free_[i] = y[i];
+        for (const int i : bodies_) cut_[i] = y[i];
         take_velocities(
-            bodies_, [&](int i) { return impacts_.changed(i); }, free_, motion_);
+            bodies_, [&](int i) { return impacts_.changed(i); }, cut_, motion_);
         if constexpr (HearsImpacts<Observer, State, S>)
-          observer.impact(now, std::as_const(y), std::as_const(free_));
+          observer.impact(now, std::as_const(y), std::as_const(cut_));
         for (const int i : bodies_) {
-          if (any(impacts_.changed(i))) resting_.note_impact(i, y[i], free_[i]);
-          y[i] = free_[i];
+          if (!any(impacts_.changed(i))) continue;
+          resting_.note_impact(i, y[i], cut_[i]);
+          y[i] = cut_[i];
         }
+        course_.choose(bodies_, [&](int i) { return course_.has(i) && !any(impacts_.changed(i)); });
         resolved = true;
         continue;
       }
       resolved = false;
 
       // Find the forces of resting contacts.
-      const bool resting = resting_.find(bodies_, pairs, motion_, running);
+      const bool resting = resting_.find(bodies_, pairs, motion_, running, course_);
+      if (resting && leave_course()) {
+        resolved = true;
+        continue;
+      }
       if (const MaskOf<S> stopped =
               resting ? resting_.stop_approaches(pairs, motion_, pull) : MaskOf<S>(false);
           any(stopped)) {
         take_velocities(
             bodies_, [&](int i) { return stopped & resting_.moves(i); }, y, motion_);
-        measure_speeds<System>(motion_, pairs);
-        fly_to(free_, forces, integrator, y, now, ahead);
+        for (auto& pair : pairs) {
+          if (!course_.has(pair)) measure_speeds<System>(motion_, pair);
+        }
+        fly_to(free_, course_.others(), forces, integrator, y, now, ahead);
         sleeping_.hold(bodies_, y, free_);
       }
       if (resting) {
         if constexpr (SleepingIslands<System>::possible) resting_.expect_held(motion_, free_);
         resting_.find_forces(pairs, y, motion_, free_, ahead, pull);
       }
-      const auto go = [&](const S& time) {
+      const auto go = [&](State& end, const Bodies& which, const S& time) {
         const auto push = [&](const RigidState<S>& state, int i, const S& at, const Wrench<S>& wrench) {
           const auto& c = resting_.forces()[static_cast<std::size_t>(i)];
           const auto& kept = resting_.kept();
@@ -218,29 +243,29 @@ class StepParts {
           return wrench + Wrench<S>{c.force, rotate_back(state.orientation, torque)};
         };
         if (resting) {
-          fly_to(part_end_, forces, integrator, y, now, time, push);
+          fly_to(end, which, forces, integrator, y, now, time, push);
         } else {
-          fly_to(part_end_, forces, integrator, y, now, time);
+          fly_to(end, which, forces, integrator, y, now, time);
         }
-        sleeping_.hold(bodies_, y, part_end_);
+        sleeping_.hold(bodies_, y, end);
       };
 
       // Advance to the next impact.
       if (resting) {
-        go(ahead);
+        go(part_end_, course_.others(), ahead);
         if constexpr (SleepingIslands<System>::possible) {
           for (int round = 0;
                round < most_rounds && resting_.learn_held(motion_, part_end_, free_, round > 0); ++round) {
             resting_.find_forces(pairs, y, motion_, free_, ahead, pull);
-            go(ahead);
+            go(part_end_, course_.others(), ahead);
           }
         }
       } else {
-        for (const int i : bodies_) part_end_[i] = free_[i];
+        for (const int i : course_.others()) part_end_[i] = free_[i];
       }
       S duration = ahead;
       // Contact forces may carry a body farther than its free flight: then others may be in its way.
-      if (resting && !search_.covers(bodies_, y, part_end_, ahead, running)) {
+      if (resting && !search_.covers(course_.others(), y, part_end_, ahead, running)) {
         resolved = true;
         continue;
       }
@@ -249,20 +274,22 @@ class StepParts {
       const S impact =
           maximum(earliest_impact(pairs, y, ahead, sinking, lost), minimum(ahead, S(as<S>(1e-9) * h)));
       if (sleeping_.disturbed(pairs, ahead)) {
+        course_.clear(bodies_);
         resolved = true;
         continue;
       }
       const MaskOf<S> cuts = running & (impact < ahead);
       const bool cut = any(cuts);
+      State& end = cut ? cut_ : part_end_;
       if (cut) {
-        go(impact);
+        go(end, bodies_, impact);
         duration = impact;
       }
       if (cut || resting) {
         // Forces that are constant over a part, and the interpolation that finds impacts, are off by the
         // third and fourth power of its duration: where bodies end too deep, it must be shorter.
         const MaskOf<S> divides = ahead > shortest,
-                        sinks = resting_.sunk(pairs, part_end_, cuts, sinking) > S(1);
+                        sinks = resting_.sunk(pairs, end, duration, course_, cuts, sinking) > S(1);
         const MaskOf<S> deep = running & divides & sinks;
         if (any(deep)) {
           longest = select(deep, maximum(S(as<S>(0.5) * ahead), shortest), longest);
@@ -270,16 +297,26 @@ class StepParts {
           continue;
         }
       }
-      // Forces are for the time up to the end of the step: an island that the impact does not reach keeps
-      // them.
+      // What is known is for the time up to the end of the step: islands that the impact does not reach keep
+      // their forces, and their bodies their course.
       const MaskOf<S> early = ahead < left;
-      if (resting) resting_.keep_undisturbed(pairs, in_crowd_ && cut && !any(early), duration);
-      if (resting) resting_.correct_velocities(pairs, y, part_end_, duration, pull);
-      replace(running, part_end_, y);
+      const bool goes_on = in_crowd_ && cut && !any(early);
+      if (resting || goes_on) resting_.keep_undisturbed(pairs, goes_on, end, duration, ahead);
+      if (is_local<Model, S, typename System::Shape> && goes_on) {
+        choose_course(pairs, ahead, sinking);
+      } else {
+        course_.clear(bodies_);
+      }
+      if (resting) resting_.correct_velocities(course_.others(), pairs, y, end, duration, pull);
+      replace(running, end, y);
       if constexpr (System::bodies == dynamic && !Packed<S>) {
-        resting ? resting_.note_manifolds(pairs, y, cut) : search_.forget();
+        resting ? resting_.note_manifolds(pairs, y) : search_.forget();
       }
       left = select(running, S(left - duration), left);
+      known = left;
+      // In a crowd it is one body of many whose parts must be short, and most often not for long.
+      if (in_crowd_) longest = minimum(h, S(as<S>(1.5) * longest));
+      keep_course(pairs, duration);
       now = now + duration;
       if (resting && !any(left > S(0))) sleeping_.collect(pairs);
       search_.start_part(bodies_);
@@ -312,9 +349,48 @@ class StepParts {
   }
 
   template <class Model, class Integrator, class Push = NoPush>
-  void fly_to(State& end, const Model& forces, const Integrator& integrator, const State& y, const S& t,
-              const S& h, const Push& push = {}) const {
-    fly_bodies(*system_, bodies_, forces, integrator, y, t, h, end, push);
+  void fly_to(State& end, const Bodies& bodies, const Model& forces, const Integrator& integrator,
+              const State& y, const S& t, const S& h, const Push& push = {}) const {
+    fly_bodies(*system_, bodies, forces, integrator, y, t, h, end, push);
+  }
+  void set_motion(int i, const State& y) {
+    motion_[static_cast<std::size_t>(i)] = motion_of((*system_)[i], y[i]);
+  }
+  /// After a part of at most so many seconds that an impact has ended: what it does not reach goes on as it
+  /// did, unless a resting pair would sink in on its way.
+  void choose_course(const Pairs& pairs, const S& most, const S& sinking) {
+    if constexpr (OnCourse<System>::possible) {
+      course_.choose(bodies_, [&](int i) { return !resting_.kept().disturbed(i); });
+      for (const auto& pair : pairs) {
+        if (!pair.any_resting || pair.foreseen || !course_.has(pair)) continue;
+        if (pair.impact < most || resting_.sinks(pair, part_end_, sinking)) course_.drop(pair);
+      }
+      course_.choose(bodies_, [&](int i) { return course_.has(i); });
+    }
+  }
+  /// Bodies on which another has come to rest do not go on as they did. False where there are none.
+  bool leave_course() {
+    if constexpr (OnCourse<System>::possible) {
+      const auto stays = [&](int i) { return course_.has(i) && !any(resting_.moves(i)); };
+      if (std::all_of(bodies_.begin(), bodies_.end(), [&](int i) { return course_.has(i) == stays(i); }))
+        return false;
+      course_.choose(bodies_, stays);
+      return true;
+    }
+    return false;
+  }
+  /// So many seconds later, the pairs of bodies that are on course meet as was found before.
+  void keep_course(Pairs& pairs, const S& seconds) {
+    for (const int i : bodies_) {
+      if (course_.has(i)) free_[i] = part_end_[i];
+    }
+    for (auto& pair : pairs) {
+      if (!course_.has(pair)) continue;
+      pair.foreseen = true;
+      pair.impact -= seconds;
+      pair.apart -= seconds;
+      for (auto& point : pair.touching) point = MaskOf<S>(false);
+    }
   }
   /// Gives y the numbers of `other` in these lanes.
   void replace(const MaskOf<S>& lanes, const State& other, State& y) const {
@@ -324,18 +400,37 @@ class StepParts {
   /// When in a part of so many seconds from `start` to part_end_ the first pair touches that does not rest,
   /// s; all of the part where none does. `sinking`, `lost`: see impact_time().
   S earliest_impact(Pairs& pairs, const State& start, const S& seconds, const S& sinking, MaskOf<S>& lost) {
-    for (const int i : bodies_) {
+    for (const int i : course_.others()) {
       const RigidState<S>& body = part_end_[i];
       Motion<S>& motion = end_motion_[static_cast<std::size_t>(i)];
       motion.position = body.position;
       motion.velocity = body.velocity;
       motion.angular_velocity = body.angular_velocity_world();
     }
-    S earliest = seconds;
-    for (auto& pair : pairs) {
+    const auto find = [&](auto& pair) {
       pair.impact =
           impact_time(*system_, pair, start, part_end_, end_motion_, seconds, sinking, probe_, lost);
+      if (in_crowd_) pair.apart = time_apart(*system_, pair, start, part_end_);
+      pair.foreseen = false;
+    };
+    S earliest = seconds;
+    for (auto& pair : pairs) {
+      if (!course_.has(pair)) find(pair);
       earliest = minimum(earliest, pair.impact);
+    }
+    if constexpr (System::bodies == dynamic && !Packed<S>) {
+      // What was foreseen from afar may be too early.
+      const auto before = [](const auto& a, const auto& b) { return a.impact < b.impact; };
+      for (;;) {
+        const auto first = std::min_element(pairs.begin(), pairs.end(), before);
+        earliest = minimum(seconds, first->impact);
+        if (!first->foreseen || !(first->impact < seconds)) break;
+        for (const int i : {first->who.first, first->who.second}) {
+          if (i >= 0) set_motion(i, start);
+        }
+        measure(*system_, start, motion_, MaskOf<S>(true), *first);
+        find(*first);
+      }
     }
     return earliest;
   }
@@ -349,9 +444,11 @@ class StepParts {
   RestingContacts<System> resting_;
   State free_;                   ///< after free flight
   bool flown_ = false;           ///< whether that is of all bodies over the step that starts
-  State part_end_;               ///< where the present part of the step ends
+  State part_end_;               ///< where the present part of the step ends, if no impact does
+  State cut_;                    ///< where an impact has ended it, or what the impact has made of that
   Motions motion_, end_motion_;  ///< where the part begins and ends
   State probe_;                  ///< for the search of an impact
+  OnCourse<System> course_;
   ImpactLog<System> log_;
   SleepingIslands<System> sleeping_;
 };
