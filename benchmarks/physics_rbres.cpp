@@ -225,6 +225,8 @@ const bool registered = [] {
   register_kind<double>("continuous", ContactMode::continuous);
   register_scaling<2, 5, 8, 27, 64, 125, 216>();
   register_scenes<RbresCrowd<AnyShape<double>>>("pile60/rbres", piles(60));
+  register_scenes<RbresCrowd<AnyShape<double>>>("pile64/rbres", {wide_pile(64)});
+  register_scenes<RbresCrowd<AnyShape<double>>>("pile1000/rbres", {wide_pile(1000)});
   register_scenes<RbresCrowd<Box<double>>>("stack20/rbres", {stack(20)});
   register_scenes<RbresCrowd<Sphere<double>>>("gas64/rbres", {gas(64)});
   register_scenes<RbresCrowd<Sphere<double>>>("gas1000/rbres", {gas(1000)});

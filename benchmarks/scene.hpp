@@ -126,20 +126,23 @@ inline std::vector<Wall> pit(double half_width) {
           {{0.0, -1.0, 0.0}, -half_width}};
 }
 
-/// Spheres, boxes and capsules that fall into a pit and come to rest in a heap. Starts differ by 1e-6 m each.
-inline Scene pile(int bodies, int start) {
+/// Spheres, boxes and capsules that fall into a pit, in layers of columns^2, and come to rest in a heap.
+/// Starts differ by 1e-6 m each.
+inline Scene pile(int bodies, int start, int columns = 3) {
   Scene pile;
-  pile.walls = pit(0.6);
+  pile.walls = pit(0.06 * (3 * columns + 1));
   pile.restitution = 0.3;
   pile.friction = 0.5;
   pile.seconds = 10.0;
   Uniform uniform(1);
+  const double middle = 0.5 * (columns - 1);
   for (int i = 0; i < bodies; ++i) {
     Item item{Shape(i % 3), {0.1, 0.1, 0.1}, 1.0, {}};
     if (item.shape == Shape::box) item.size = {0.12, 0.08, 0.1};
     if (item.shape == Shape::capsule) item.size = {0.07, 0.08, 0.0};
-    item.start.position = {0.36 * (i % 3 - 1) + uniform(-0.02, 0.02),
-                           0.36 * (i / 3 % 3 - 1) + uniform(-0.02, 0.02), 0.3 + 0.36 * (i / 9)};
+    item.start.position = {0.36 * (i % columns - middle) + uniform(-0.02, 0.02),
+                           0.36 * (i / columns % columns - middle) + uniform(-0.02, 0.02),
+                           0.3 + 0.36 * (i / (columns * columns))};
     item.start.orientation = {std::sin(0.5 * i), 0.0, 0.0, std::cos(0.5 * i)};
     pile.items.push_back(item);
   }
@@ -153,6 +156,15 @@ inline std::vector<Scene> piles(int bodies) {
   std::vector<Scene> all;
   for (int start = 0; start < 8; ++start) all.push_back(pile(bodies, start));
   return all;
+}
+
+/// Four layers of such bodies, as deep whatever their number, until they have nearly come to rest.
+inline Scene wide_pile(int bodies) {
+  int columns = 1;
+  while (4 * columns * columns < bodies) ++columns;
+  Scene wide = pile(bodies, 0, columns);
+  wide.seconds = 2.0;
+  return wide;
 }
 
 /// Boxes that stand on one another.

@@ -251,6 +251,41 @@ TEST_CASE("overlaps of heaps open as far as motion pays for it, and at any cost 
   }
 }
 
+TEST_CASE("an impact in a crowd costs as much as the bodies that it reaches, but for one flight of all") {
+  // Twenty pairs of balls that meet one after the other in a step in which all may meet.
+  constexpr int pairs = 20;
+  const std::vector bodies(2 * pairs, Body(Sphere{0.1}, 1.0, Material{1.0, 0.0}));
+  const System<double, dynamic, Sphere<double>> world{bodies};
+  System<double, dynamic, Sphere<double>>::State y;
+  for (int k = 0; k < pairs; ++k) {
+    const double gap = 4e-3 + 4e-4 * k;
+    for (const double side : {-1.0, 1.0}) {
+      y.body.push_back(at(0.43 * k + side * (0.1 + 0.5 * gap), 0, 0));
+      y.body.back().velocity.x = -5 * side;
+    }
+  }
+  long calls = 0;
+  const auto forces = [&](const auto&, const RigidState<double>&, int, double) {
+    ++calls;
+    return Wrench<double>{};
+  };
+  Stepper<std::decay_t<decltype(world)>, std::decay_t<decltype(forces)>, Rk4> stepper(world, forces, Rk4{},
+                                                                                      {.step = 2e-3});
+  stepper.step(y, 0.0, 2e-3);
+  CHECK(stepper.tally().impacts == pairs);
+  for (int k = 0; k < pairs; ++k) {
+    const double after = 2e-3 - (4e-4 + 4e-5 * k);
+    for (const int side : {-1, 1}) {
+      const auto& body = y[2 * k + (side > 0)];
+      CHECK(body.velocity.x == 5 * side);
+      CHECK(std::abs(body.position.x - (0.43 * k + side * (0.1 + 5 * after))) < 1e-8);
+    }
+  }
+  const long flight = 4 * 2 * pairs;  // of all bodies: an evaluation for each stage
+  CHECK(calls > pairs * flight);
+  CHECK(calls < (pairs + 6) * flight);
+}
+
 TEST_CASE("smooth heaps make no energy, in a crowd") {
   // What impacts do to islands that keep their forces, and islands that slide, whose bodies are lifted.
   const Material<double> smooth{0, 0};

@@ -89,23 +89,26 @@ class PairSearch {
       if (course.has(*last)) pairs_.push_back(ContactPair<System>::on_course(*last));
       ++last;
     };
-    const auto add_pair = [&](const auto&... pair) {
-      ContactPair<System> added(*system_, pair...);
-      while (last != last_.end() && found_before(*last, added)) keep();
-      if (last != last_.end() && !found_before(added, *last) && last->known) {
-        added.manifold = last->manifold;
-        added.known = true;
-      }
-      pairs_.push_back(added);
+    using Parts = typename ContactPair<System>::Parts;
+    const auto add_pair = [&](const Candidate& who, const Parts& parts) {
+      struct {
+        Candidate who;
+        Parts parts;
+      } const found{who, parts};
+      while (last != last_.end() && found_before(*last, found)) keep();
+      auto& added = pairs_.emplace_back(*system_, who, rest_speed_, parts);
+      if (last == last_.end() || found_before(added, *last) || !last->known) return;
+      added.manifold = last->manifold;
+      added.known = true;
     };
     const auto add = [&](const auto& found) {
       for (const Candidate& who : found) {
         if constexpr (compound) {
           each_near_part(
               *system_, from, who, [&](int i) { return S(way_[index(i)] + turned_[index(i)]); },
-              [&](const auto& parts) { add_pair(who, rest_speed_, parts); });
+              [&](const auto& parts) { add_pair(who, parts); });
         } else {
-          add_pair(who, rest_speed_);
+          add_pair(who, Parts{});
         }
       }
     };

@@ -89,10 +89,10 @@ class StepGroups {
   /// The kinematic bodies.
   std::span<const int> kinematic() const { return kinematic_; }
 
-  /// Whether the bodies of a group, which began the step at `start`, are at y where a further `way` takes
-  /// them to no other group.
-  bool hold(std::span<const int> group, const State& start, const State& y, const Ways& way) const {
-    return std::all_of(group.begin(), group.end(), [&](int i) {
+  /// Whether bodies of a group, which began the step at `start`, are at y where a further `way` takes them to
+  /// no other group.
+  bool hold(std::span<const int> bodies, const State& start, const State& y, const Ways& way) const {
+    return std::all_of(bodies.begin(), bodies.end(), [&](int i) {
       const S gone = norm(y[i].position - start[i].position);
       return !joins(i) || gone + way[index(i)] <= reach_[index(i)];
     });

@@ -50,7 +50,7 @@ class ContinuousContact {
     parts_.log().start_step(false);
     S now = t;
     const S left = parts_.advance(all(), forces, integrator, y, now, h, observer, tally, flown,
-                                  [](const auto&) { return true; });
+                                  [](const auto&, const auto&) { return true; });
     finish(forces, integrator, y, now, left, tally);
     parts_.template end_step<Model>(y, h);
   }
@@ -102,9 +102,10 @@ class ContinuousContact {
       S now = t;
       // But for kinematic bodies, which groups before have flown.
       const bool as_flown = groups.kinematic().empty();
-      const S left = parts_.advance(
-          groups[k], forces, integrator, y, now, h, observer, tally, as_flown,
-          [&](const auto& way) { return !parts_.woke() && groups.hold(groups[k], start, y, way); });
+      const S left = parts_.advance(groups[k], forces, integrator, y, now, h, observer, tally, as_flown,
+                                    [&](const auto& some, const auto& way) {
+                                      return !parts_.woke() && groups.hold(some, start, y, way);
+                                    });
       if (left > S(0) || parts_.unresolved() || !parts_.told_all()) {
         parts_.memory().undo_groups();
         y = start;

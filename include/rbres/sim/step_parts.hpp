@@ -88,6 +88,7 @@ class StepParts {
   void fly_freely(const Bodies& bodies, const Model& forces, const Integrator& integrator, const State& y,
                   const S& t, const S& h) {
     bodies_ = bodies;
+    course_.clear(bodies_);
     if (!flown_) fly_to(free_, bodies_, forces, integrator, y, t, h);
     sleeping_.hold(bodies_, y, free_);
     search_.start_part(bodies_);
@@ -120,9 +121,9 @@ class StepParts {
     return faulty;
   }
 
-  /// Takes `bodies` of y from `now` on by h, until its event cap is met or they no longer `hold` to the ways
-  /// (m) that they may go. Returns how much of h is left. `flown`: fly_freely() has taken them that far, and
-  /// they would hold to that.
+  /// Takes `bodies` of y from `now` on by h, until its event cap is met or some of them no longer `hold` to
+  /// the ways (m) that they may go. Returns how much of h is left. `flown`: fly_freely() has taken them that
+  /// far, and they would hold to that.
   template <class Model, class Integrator, class Observer, class Hold>
   S advance(const Bodies& bodies, const Model& forces, const Integrator& integrator, State& y, S& now,
             const S& h, Observer& observer, ContactTally<S>& tally, bool flown, const Hold& hold) {
@@ -158,7 +159,7 @@ class StepParts {
         const MaskOf<S> faulty = mark_faults(search_.ways(course_.others(), y, free_, ahead), running, y);
         left = select(faulty, S(0), left);
         running = running & !faulty;
-        if (!hold(search_.ways())) return left;
+        if (!hold(course_.others(), search_.ways())) return left;
       }
       flown = false;
       const auto& ways = search_.ways();
