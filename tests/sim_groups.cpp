@@ -254,7 +254,7 @@ TEST_CASE("overlaps of heaps open as far as motion pays for it, and at any cost 
 TEST_CASE("an impact in a crowd costs as much as the bodies that it reaches, but for one flight of all") {
   // Twenty pairs of balls that meet one after the other in a step in which all may meet.
   constexpr int pairs = 20;
-  const std::vector bodies(2 * pairs, Body(Sphere{0.1}, 1.0, Material{1.0, 0.0}));
+  const std::vector bodies(2 * pairs, Body(Sphere{0.1}, 1.0, Material<double>{1.0, 0.0}));
   const System<double, dynamic, Sphere<double>> world{bodies};
   System<double, dynamic, Sphere<double>>::State y;
   for (int k = 0; k < pairs; ++k) {

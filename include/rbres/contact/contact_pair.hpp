@@ -57,7 +57,7 @@ struct ContactPair {
   bool round = false;     ///< of a crowd: a ball and another body, or two capsules
   S impact;               ///< when it has one, s after the part begins, if that is before its end
   bool foreseen = false;  ///< whether that was found where an earlier part began
-  S apart{0};             ///< of a crowd: for how long it certainly comes no nearer than `near`, s
+  S apart_for{0};         ///< of a crowd: for how long it certainly comes no nearer than `near`, s
   Surface<S> surface;
   S size;         ///< the smaller bounding radius, of the whole bodies, m
   S touch;        ///< points closer than this touch, m
@@ -95,7 +95,7 @@ struct ContactPair {
     same.round = pair.round;
     same.impact = pair.impact;
     same.foreseen = pair.foreseen;
-    same.apart = pair.apart;
+    same.apart_for = pair.apart_for;
     same.surface = pair.surface;
     same.size = pair.size;
     same.touch = pair.touch;

@@ -33,7 +33,7 @@ class PartEnd {
   /// Whether pair k touches there, so many seconds after the part began.
   bool touches(const Pairs& pairs, std::size_t k, const State& flown, const S& seconds) {
     const Pair& pair = pairs[k];
-    if (const MaskOf<S> may_be_near = pair.apart <= seconds; !any(may_be_near)) return false;
+    if (const MaskOf<S> may_be_near = pair.apart_for <= seconds; !any(may_be_near)) return false;
     const auto& contact = find(pairs, k, flown);
     return std::any_of(contact.gap.begin(), contact.gap.begin() + std::ptrdiff_t(contact.used),
                        [&](const S& gap) { return any(gap <= pair.touch); });
@@ -58,7 +58,7 @@ class PartEnd {
     for (std::size_t k = 0; k < pairs.size(); ++k) {
       const Pair& pair = pairs[k];
       if (!any(all | pair.any_resting) || course.has(pair)) continue;
-      const MaskOf<S> may_be_near = pair.apart <= seconds;
+      const MaskOf<S> may_be_near = pair.apart_for <= seconds;
       if (in_crowd_ && !any(pair.any_resting | may_be_near)) continue;
       worst = maximum(worst, sunk(pair, find(pairs, k, flown), all, sinking, is_moving(pair)));
     }

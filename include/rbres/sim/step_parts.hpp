@@ -389,7 +389,7 @@ class StepParts {
       if (!course_.has(pair)) continue;
       pair.foreseen = true;
       pair.impact -= seconds;
-      pair.apart -= seconds;
+      pair.apart_for -= seconds;
       for (auto& point : pair.touching) point = MaskOf<S>(false);
     }
   }
@@ -411,7 +411,7 @@ class StepParts {
     const auto find = [&](auto& pair) {
       pair.impact =
           impact_time(*system_, pair, start, part_end_, end_motion_, seconds, sinking, probe_, lost);
-      if (in_crowd_) pair.apart = time_apart(*system_, pair, start, part_end_);
+      if (in_crowd_) pair.apart_for = time_apart(*system_, pair, start, part_end_);
       pair.foreseen = false;
     };
     S earliest = seconds;
