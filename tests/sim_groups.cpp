@@ -286,6 +286,25 @@ TEST_CASE("an impact in a crowd costs as much as the bodies that it reaches, but
   CHECK(calls < (pairs + 6) * flight);
 }
 
+TEST_CASE("a ball that lands on a table that moves, after an impact in the same step, moves with it") {
+  const Material<double> plastic{0, 0.3};
+  std::vector<Body<double>> bodies(13, Body<double>(Sphere{0.1}, 1.0, plastic));
+  bodies.push_back(Body<double>::kinematic(Box{10.0, 10.0, 0.5}, plastic));
+  const Vec3<double> speed{0.5, 0, -3};
+  State y;
+  for (int k = 0; k < 13; ++k) y.body.push_back(at(k < 3 ? 0.21 * k : 1.0 * k, 0, k == 0 ? 0.101 : 0.2));
+  y.body.push_back(at(0, 0, -0.5));
+  for (auto& body : y.body) body.velocity = speed;
+  y[0].velocity.z -= 1;   // lands after 1 ms
+  y[1].velocity.x += 20;  // hits the third after 0.5 ms
+  const Crowd world{bodies};
+  Stepper<Crowd, Gravity<double>, Rk4> stepper(world, Gravity{}, Rk4{}, {.step = 2e-3});
+  stepper.step(y, 0.0, 2e-3);
+  CHECK(stepper.tally().impacts == 2);
+  CHECK(std::abs(y[0].velocity.z - speed.z) < 1e-9);
+  CHECK(y[0].velocity.x == doctest::Approx(speed.x).epsilon(1e-9));
+}
+
 TEST_CASE("smooth heaps make no energy, in a crowd") {
   // What impacts do to islands that keep their forces, and islands that slide, whose bodies are lifted.
   const Material<double> smooth{0, 0};

@@ -361,7 +361,9 @@ class StepParts {
   /// did, unless a resting pair would sink in on its way.
   void choose_course(const Pairs& pairs, const S& most, const S& sinking) {
     if constexpr (OnCourse<System>::possible) {
-      course_.choose(bodies_, [&](int i) { return !resting_.kept().disturbed(i); });
+      // Forces on what kinematic bodies push are found from their motion, too.
+      course_.choose(bodies_,
+                     [&](int i) { return !resting_.kept().disturbed(i) && !(*system_)[i].is_kinematic(); });
       for (const auto& pair : pairs) {
         if (!pair.any_resting || pair.foreseen || !course_.has(pair)) continue;
         if (pair.impact < most || resting_.sinks(pair, part_end_, sinking)) course_.drop(pair);
