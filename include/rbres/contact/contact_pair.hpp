@@ -83,8 +83,8 @@ struct ContactPair {
     still = minimum(rest_speed, S(as<S>(100 * Constants<S>::touch) * speed_scale));
   }
 
-  /// The same pair of bodies that are on course. Of one that rests it knows where it was when its bodies came
-  /// on course, of others not even that.
+  /// The same pair of bodies that are on course: if nothing rests, all but the points where they meet, which
+  /// nobody asks for.
   static ContactPair on_course(const ContactPair& pair) {
     if (any(pair.any_resting)) return pair;
     ContactPair same{};

@@ -290,7 +290,7 @@ class RestingContacts {
   void correct_velocities(const Bodies& bodies, const Pairs& pairs, const State& y, State& end, const S& part,
                           const ClosingRate<S>& pull) {
     bodies_ = bodies;
-    for (const int i : bodies_) flown_[i] = end[i];
+    for (const int i : all_) flown_[i] = end[i];
     set_motions(*system_, bodies_, end, end_);
     for (std::size_t island = 0; island < islands_.count(); ++island) {
       if (keeps(pairs, island)) continue;
