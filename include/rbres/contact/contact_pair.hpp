@@ -83,30 +83,6 @@ struct ContactPair {
     still = minimum(rest_speed, S(as<S>(100 * Constants<S>::touch) * speed_scale));
   }
 
-  /// The same pair of bodies that are on course: if nothing rests, all but the points where they meet, which
-  /// nobody asks for.
-  static ContactPair on_course(const ContactPair& pair) {
-    if (any(pair.any_resting)) return pair;
-    ContactPair same{};
-    same.who = pair.who;
-    same.moved = pair.moved;
-    same.parts = pair.parts;
-    same.manifold.separation = pair.manifold.separation;
-    same.resting = pair.resting;
-    same.any_resting = pair.any_resting;
-    same.round = pair.round;
-    same.impact = pair.impact;
-    same.foreseen = pair.foreseen;
-    same.apart_for = pair.apart_for;
-    same.surface = pair.surface;
-    same.size = pair.size;
-    same.touch = pair.touch;
-    same.near = pair.near;
-    same.speed_scale = pair.speed_scale;
-    same.rest_speed = pair.rest_speed;
-    same.still = pair.still;
-    return same;
-  }
   bool plane() const { return who.first < 0; }
   /// The number of point i among those of all parts of the two bodies.
   std::size_t place(std::size_t i) const { return parts.number() * points + i; }

@@ -43,13 +43,21 @@ typename System::Scalar displacement_bound(const System& system, const Candidate
   return bound;
 }
 
+/// speed_bound() with room for rounding, m/s.
+template <class System>
+typename System::Scalar fastest_approach(const System& system, const ContactPair<System>& pair,
+                                         const typename System::State& start,
+                                         const typename System::State& end) {
+  using S = typename System::Scalar;
+  return speed_bound(system, pair.who, start, end) + as<S>(1e-6) * pair.speed_scale;
+}
+
 /// For how long the pair certainly comes no nearer than `near` between the two states, s: see ContactPair.
 template <class System>
 typename System::Scalar time_apart(const System& system, const ContactPair<System>& pair,
                                    const typename System::State& start, const typename System::State& end) {
   using S = typename System::Scalar;
-  const S fastest = speed_bound(system, pair.who, start, end) + as<S>(1e-6) * pair.speed_scale;
-  return maximum(S(pair.manifold.separation - pair.near), S(0)) / fastest;
+  return maximum(S(pair.manifold.separation - pair.near), S(0)) / fastest_approach(system, pair, start, end);
 }
 
 /// When a pair touches between `start` and `end`, `part` seconds later, at a point that does not rest; `part`
@@ -107,8 +115,7 @@ typename System::Scalar impact_time(const System& system, const ContactPair<Syst
     return least;
   };
 
-  const S fastest = speed_bound(system, pair.who, start, end) + as<S>(1e-6) * pair.speed_scale;
-  const S gap_start = lowest(pair.manifold);
+  const S fastest = fastest_approach(system, pair, start, end), gap_start = lowest(pair.manifold);
   // What can neither reach the other on its way nor end there is not looked at.
   const MaskOf<S> passes = gap_start < fastest * part;
   if (!any(counted & passes)) {

@@ -86,7 +86,7 @@ class PairSearch {
     auto last = last_.begin();
     pairs_.clear();
     const auto keep = [&] {
-      if (course.has(*last)) pairs_.push_back(ContactPair<System>::on_course(*last));
+      if (course.has(*last)) pairs_.push_back(*last);
       ++last;
     };
     using Parts = typename ContactPair<System>::Parts;

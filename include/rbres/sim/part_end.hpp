@@ -1,7 +1,7 @@
 #pragma once
 
 #include <algorithm>
-#include <rbres/contact/on_course.hpp>
+#include <rbres/contact/contact_pair.hpp>
 #include <rbres/core/reserved.hpp>
 
 namespace rbres::RBRES_ABI::detail {
@@ -46,18 +46,18 @@ class PartEnd {
 
   /// How much deeper than at the start of a part the deepest point is in `flown`, where the contacts' forces
   /// have taken the bodies in so many seconds; 1: as deep as it may get. Of resting pairs, or of all; not of
-  /// those on course of which nothing rests: their impacts are known. In a crowd a new point may end the
-  /// part, which is cheap; else parts are so short there that runs do not depend on rounding. `sinking`: see
-  /// impact_time(), of pairs that is_moving(pair).
+  /// those that have theirs later on their course, and of which nothing rests. In a crowd a new point may end
+  /// the part, which is cheap; else parts are so short there that runs do not depend on rounding. `sinking`:
+  /// see impact_time(), of pairs that is_moving(pair).
   template <class IsMoving>
-  S sunk(const Pairs& pairs, const State& flown, const S& seconds, const OnCourse<System>& course,
-         const MaskOf<S>& all, const S& sinking, const IsMoving& is_moving) {
+  S sunk(const Pairs& pairs, const State& flown, const S& seconds, const MaskOf<S>& all, const S& sinking,
+         const IsMoving& is_moving) {
     room(pairs);
     found_.assign(pairs.size(), false);
     S worst(0);
     for (std::size_t k = 0; k < pairs.size(); ++k) {
       const Pair& pair = pairs[k];
-      if (!any(all | pair.any_resting) || (course.has(pair) && !any(pair.any_resting))) continue;
+      if (!any(pair.any_resting) && (pair.foreseen || !any(all))) continue;
       const MaskOf<S> may_be_near = pair.apart_for <= seconds;
       if (in_crowd_ && !any(pair.any_resting | may_be_near)) continue;
       worst = maximum(worst, sunk(pair, find(pairs, k, flown), all, sinking, is_moving(pair)));

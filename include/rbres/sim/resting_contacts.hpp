@@ -263,9 +263,8 @@ class RestingContacts {
   }
 
   /// See PartEnd::sunk(), of bodies that the contacts' forces have taken to `flown`.
-  S sunk(const Pairs& pairs, const State& flown, const S& seconds, const OnCourse<System>& course,
-         const MaskOf<S>& all, const S& sinking) {
-    return at_end_.sunk(pairs, flown, seconds, course, all, sinking,
+  S sunk(const Pairs& pairs, const State& flown, const S& seconds, const MaskOf<S>& all, const S& sinking) {
+    return at_end_.sunk(pairs, flown, seconds, all, sinking,
                         [&](const Pair& pair) { return moving_.has(pair); });
   }
 

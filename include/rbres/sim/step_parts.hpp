@@ -290,7 +290,7 @@ class StepParts {
         // Forces that are constant over a part, and the interpolation that finds impacts, are off by the
         // third and fourth power of its duration: where bodies end too deep, it must be shorter.
         const MaskOf<S> divides = ahead > shortest,
-                        sinks = resting_.sunk(pairs, end, duration, course_, cuts, sinking) > S(1);
+                        sinks = resting_.sunk(pairs, end, duration, cuts, sinking) > S(1);
         const MaskOf<S> deep = running & divides & sinks;
         if (any(deep)) {
           longest = select(deep, maximum(S(as<S>(0.5) * ahead), shortest), longest);
