@@ -603,14 +603,14 @@ TEST_CASE("islands of resting contacts that an impact does not reach keep their 
                                            Body<double>(Sphere<double>{0.1}, 1.0, material));
     const Crowd world{bodies, {floor_plane(material)}};
     using Pair = detail::ContactPair<Crowd>;
-    detail::Reserved<Pair> pairs;
+    detail::ContactPairs<Crowd> pairs;
     detail::Reserved<Pair::Contact> at_end;
     const auto add = [&](int first, int second, bool rests, double gap, double impact) {
       Pair pair(world, {first, second}, 5e-3);
       pair.resting.fill(false);
       pair.resting[0] = pair.any_resting = rests;
       pair.impact = impact;
-      pairs.push_back(pair);
+      pairs.emplace_back(pair);
       Pair::Contact contact{};
       contact.gap.fill(1.0);
       contact.gap[0] = gap;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <rbres/contact/near_pairs.hpp>
+#include <rbres/contact/neighbour_lists.hpp>
 #include <rbres/core/reserved.hpp>
 
 namespace rbres::RBRES_ABI {
@@ -71,12 +72,19 @@ class BroadPhase {
   /// Few bodies are compared one by one, and so are lanes, which would be sorted differently.
   static constexpr bool sweeps = (N == dynamic || N > 16) && ScalarTraits<S>::lanes == 1;
 
+  /// Whether pairs of some bodies can be found.
+  static constexpr bool finds_some = N == dynamic && ScalarTraits<S>::lanes == 1;
+
   /// Allocates all that it needs for so many bodies among so many planes.
   explicit BroadPhase(std::size_t planes, int bodies = N) {
     if constexpr (N == dynamic) all_ = detail::HeapArray<Ball>(static_cast<std::size_t>(bodies));
     if constexpr (sweeps) some_.reserve(static_cast<std::size_t>(bodies));
     for (int i = 0; i < bodies; ++i) all_[static_cast<std::size_t>(i)].body = i;
     pairs_.reserve(detail::most_pairs(static_cast<std::size_t>(bodies), planes));
+    if constexpr (finds_some) {
+      neighbours_.reserve(static_cast<std::size_t>(bodies),
+                          detail::most_pairs(static_cast<std::size_t>(bodies), 0));
+    }
   }
 
   /// `reach` is each body's bounding radius plus the way it may go (m).
@@ -86,6 +94,7 @@ class BroadPhase {
     using detail::Partners;
     const auto reach_of = [&](int i) -> const S& { return reach[static_cast<std::size_t>(i)]; };
     pairs_.clear();
+    if constexpr (finds_some) neighbours_.forget();
     for (const auto& pair : detail::near_pairs<sweeps ? Partners::planes : Partners::planes_and_bodies>(
              system, state, reach_of)) {
       pairs_.push_back(pair.who);
@@ -100,6 +109,7 @@ class BroadPhase {
     const auto reach_of = [&](int i) -> const S& { return reach[static_cast<std::size_t>(i)]; };
     if (std::ssize(bodies) == system.size()) return find(system, state, reach);
     find_on_planes(system, state, bodies, reach_of);
+    if constexpr (finds_some) neighbours_.forget();
     if constexpr (!sweeps) {
       for (std::size_t k = 0; k < bodies.size(); ++k) {
         for (std::size_t l = k + 1; l < bodies.size(); ++l) {
@@ -125,13 +135,25 @@ class BroadPhase {
   const Pairs& find(const System& system, const SystemState<S, N>& state, const detail::PerBody<S, N>& reach,
                     std::span<const int> bodies, std::span<const int> some,
                     const Has& has) requires(N == dynamic && ScalarTraits<S>::lanes == 1) {
+    const auto position = [&](int i) -> const Vec3<S>& { return state[i].position; };
     const auto reach_of = [&](int i) -> const S& { return reach[static_cast<std::size_t>(i)]; };
     find_on_planes(system, state, some, reach_of);
     const auto planes_end = static_cast<std::ptrdiff_t>(pairs_.size());
-    if (std::ssize(bodies) == system.size()) {
-      find_of(system, state, reach_of, some, has, all_);
-    } else {
-      find_of(system, state, reach_of, some, has, some_);
+    neighbours_.find(bodies, position, reach_of, [&](const auto& wide, const auto& found) {
+      if (std::ssize(bodies) == system.size()) {
+        detail::sweep(all_, position, wide, found);
+      } else {
+        detail::sweep(some_, position, wide, found);
+      }
+    });
+    for (const int i : some) {
+      for (const int k : neighbours_.of(i)) {
+        if (k < i && has(k)) continue;
+        const Candidate pair{std::min(i, k), std::max(i, k)};
+        if (detail::balls_overlap(position(i), reach_of(i), position(k), reach_of(k)) &&
+            system.collides(pair.first, pair.second))
+          pairs_.push_back(pair);
+      }
     }
     std::sort(pairs_.begin() + planes_end, pairs_.end(), detail::comes_before);
     return pairs_;
@@ -155,29 +177,6 @@ class BroadPhase {
       }
     }
   }
-  /// Adds the pairs of bodies of `balls` that have one of `some` in it.
-  template <class System, class Reach, class Has, class Balls>
-  void find_of(const System& system, const SystemState<S, N>& state, const Reach& reach_of,
-               std::span<const int> some, const Has& has, Balls& balls) {
-    detail::sort_along_x(
-        balls, [&](int i) -> const Vec3<S>& { return state[i].position; }, reach_of);
-    S widest(0);
-    for (const Ball& ball : balls) widest = maximum(widest, ball.radius);
-    for (const int i : some) {
-      const Vec3<S>& centre = state[i].position;
-      const S radius = reach_of(i), begin = centre.x - radius - S(2) * widest;
-      auto at = std::lower_bound(balls.begin(), balls.end(), begin,
-                                 [](const Ball& ball, const S& x) { return ball.low < x; });
-      for (; at != balls.end() && at->low < centre.x + radius; ++at) {
-        const int k = at->body;
-        if (k == i || (k < i && has(k))) continue;
-        const Candidate pair{std::min(i, k), std::max(i, k)};
-        if (detail::balls_overlap(centre, radius, at->centre, at->radius) &&
-            system.collides(pair.first, pair.second))
-          pairs_.push_back(pair);
-      }
-    }
-  }
   /// Adds the pairs of the bodies of `balls`.
   template <class System, class Reach, class Balls>
   void sweep(const System& system, const SystemState<S, N>& state, const Reach& reach_of, Balls& balls) {
@@ -196,6 +195,8 @@ class BroadPhase {
                                         : static_cast<std::size_t>(N)>
       some_;
   Pairs pairs_;
+  struct None {};
+  [[no_unique_address]] std::conditional_t<finds_some, detail::NeighbourLists<S>, None> neighbours_;
 };
 
 }  // namespace rbres::RBRES_ABI

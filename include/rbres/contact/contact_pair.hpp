@@ -5,6 +5,7 @@
 #include <rbres/contact/detect.hpp>
 #include <rbres/contact/impact.hpp>
 #include <rbres/contact/near_pairs.hpp>
+#include <rbres/core/pool.hpp>
 #include <rbres/core/reserved.hpp>
 
 namespace rbres::RBRES_ABI {
@@ -46,25 +47,26 @@ struct ContactPair {
     std::size_t used;  ///< there is no point from this one on
   };
 
+  // What is asked of every pair at every impact of a crowd comes first, to lie together in memory.
   Candidate who;
   Candidate moved;  ///< see moved_of()
   [[no_unique_address]] Parts parts;
-  Contact manifold;
-  std::array<S, points> speed;  ///< at which each point's gap opens, m/s
-  std::array<MaskOf<S>, points> touching{}, resting{};
   MaskOf<S> any_resting;
   bool known = false;     ///< whether the manifold is that of the present state
   bool round = false;     ///< of a crowd: a ball and another body, or two capsules
+  bool foreseen = false;  ///< whether `impact` was found where an earlier part began
   S impact;               ///< when it has one, s after the part begins, if that is before its end
-  bool foreseen = false;  ///< whether that was found where an earlier part began
   S apart_for{0};         ///< of a crowd: for how long it certainly comes no nearer than `near`, s
+  std::array<MaskOf<S>, points> touching{}, resting{};
+  S size;   ///< the smaller bounding radius, of the whole bodies, m
+  S touch;  ///< points closer than this touch, m
+  S near;   ///< slow points closer than this rest, m
   Surface<S> surface;
-  S size;         ///< the smaller bounding radius, of the whole bodies, m
-  S touch;        ///< points closer than this touch, m
-  S near;         ///< slow points closer than this rest, m
-  S speed_scale;  ///< see detail::speed_scale
-  S rest_speed;   ///< slower impacts do not bounce, m/s
-  S still;        ///< points that open slower than this do not part, m/s
+  S speed_scale;                ///< see detail::speed_scale
+  S rest_speed;                 ///< slower impacts do not bounce, m/s
+  S still;                      ///< points that open slower than this do not part, m/s
+  std::array<S, points> speed;  ///< at which each point's gap opens, m/s
+  Contact manifold;
 
   ContactPair() = default;
   ContactPair(const System& system, const Candidate& candidate, const S& rest, const Parts& of = {})
@@ -81,6 +83,13 @@ struct ContactPair {
     // A perfectly elastic contact never comes to rest by bouncing.
     rest_speed = select(surface.restitution < S(1), rest, minimum(rest, as<S>(1e-7))) * speed_scale;
     still = minimum(rest_speed, S(as<S>(100 * Constants<S>::touch) * speed_scale));
+  }
+
+  /// The pair is found again, for a part that starts where its manifold may be known.
+  void start_part() {
+    foreseen = false;
+    apart_for = S(0);
+    touching = resting = {};
   }
 
   bool plane() const { return who.first < 0; }
@@ -173,9 +182,15 @@ bool found_before(const A& a, const B& b) {
   return i.second != k.second ? i.second < k.second : a.parts.number() < b.parts.number();
 }
 
+/// Whether pairs are remembered from part to part: heaps meet many impacts in a step, which leave most pairs
+/// as they are.
+template <class System>
+inline constexpr bool remembers_pairs = System::bodies == dynamic && !Packed<typename System::Scalar>;
+
 /// The pairs of a part of a step.
 template <class System>
-using ContactPairs = Reserved<ContactPair<System>, pair_room<System>>;
+using ContactPairs = std::conditional_t<remembers_pairs<System>, Pool<ContactPair<System>>,
+                                        Reserved<ContactPair<System>, pair_room<System>>>;
 
 /// For how many contact points there is room: twice what equal balls can reach, none of which has more than
 /// twelve neighbours.

@@ -31,8 +31,7 @@ class PairSearch {
   using Bodies = BodyIndices<System>;
   using Broad = BroadPhase<S, System::bodies, System::most_planes>;
   static constexpr bool compound = PartsOf<typename System::Shape>::compound;
-  /// Heaps meet many impacts in a step, which leave most pairs where they are.
-  static constexpr bool remembers = System::bodies == dynamic && !Packed<S>;
+  static constexpr bool remembers = remembers_pairs<System>;
 
  public:
   using Ways = PerBody<S, System::bodies>;  ///< m
@@ -47,7 +46,6 @@ class PairSearch {
         reach_(way_),
         turned_(way_) {
     pairs_.reserve(most_part_pairs(system));
-    if constexpr (remembers) last_.reserve(most_part_pairs(system));
   }
 
   /// The state is another than that in which pairs were found.
@@ -82,24 +80,20 @@ class PairSearch {
       const S ball = (*system_)[i].bounding_radius() * as<S>(1.001);
       reach_[index(i)] = select(running, S(ball + way_[index(i)]), S(nan));
     }
-    if constexpr (remembers) last_.swap(pairs_);
-    auto last = last_.begin();
-    pairs_.clear();
-    const auto keep = [&] {
-      if (course.has(*last)) pairs_.push_back(*last);
-      ++last;
-    };
     using Parts = typename ContactPair<System>::Parts;
+    const auto go_on = [&](auto& pairs) {
+      course.has(pairs.next()) ? void(pairs.keep_next()) : pairs.drop_next();
+    };
     const auto add_pair = [&](const Candidate& who, const Parts& parts) {
-      struct {
-        Candidate who;
-        Parts parts;
-      } const found{who, parts};
-      while (last != last_.end() && found_before(*last, found)) keep();
-      auto& added = pairs_.emplace_back(*system_, who, rest_speed_, parts);
-      if (last == last_.end() || found_before(added, *last) || !last->known) return;
-      added.manifold = last->manifold;
-      added.known = true;
+      if constexpr (remembers) {
+        struct {
+          Candidate who;
+          Parts parts;
+        } const found{who, parts};
+        while (pairs_.left() && found_before(pairs_.next(), found)) go_on(pairs_);
+        if (pairs_.left() && !found_before(found, pairs_.next())) return pairs_.keep_next().start_part();
+      }
+      pairs_.emplace_back(*system_, who, rest_speed_, parts);
     };
     const auto add = [&](const auto& found) {
       for (const Candidate& who : found) {
@@ -112,17 +106,21 @@ class PairSearch {
         }
       }
     };
-    if constexpr (has_groups<System>) {
-      if constexpr (remembers) {
-        if (const auto others = course.others(); others.size() < bodies.size()) {
-          add(broad_.find(*system_, from, reach_, bodies, others, [&](int i) { return !course.has(i); }));
-          while (last != last_.end()) keep();
-          return pairs_;
-        }
+    if constexpr (remembers) {
+      pairs_.renew();
+      if (const auto others = course.others(); others.size() < bodies.size()) {
+        add(broad_.find(*system_, from, reach_, bodies, others, [&](int i) { return !course.has(i); }));
+      } else {
+        add(broad_.find(*system_, from, reach_, bodies));
       }
-      add(broad_.find(*system_, from, reach_, bodies));
+      while (pairs_.left()) go_on(pairs_);
     } else {
-      add(broad_.find(*system_, from, reach_));
+      pairs_.clear();
+      if constexpr (has_groups<System>) {
+        add(broad_.find(*system_, from, reach_, bodies));
+      } else {
+        add(broad_.find(*system_, from, reach_));
+      }
     }
     return pairs_;
   }
@@ -163,10 +161,9 @@ class PairSearch {
   S rest_speed_;
   Broad broad_;
   ContactPairs<System> pairs_;
-  Reserved<ContactPair<System>, remembers ? std::dynamic_extent : 0> last_;  ///< found before
-  Ways way_, wanted_;                                                        ///< wanted_: by contact forces
-  Ways reach_;                                                               ///< of each body with its way
-  Ways turned_;  ///< how far a turn takes the parts of a compound
+  Ways way_, wanted_;  ///< wanted_: by contact forces
+  Ways reach_;         ///< of each body with its way
+  Ways turned_;        ///< how far a turn takes the parts of a compound
 };
 
 /// How fast the fastest body of these pairs spins, rad/s.

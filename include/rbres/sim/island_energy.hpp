@@ -74,7 +74,7 @@ class IslandEnergy {
     if constexpr (!Packed<S>) {
       bound_members(system, pairs, island, at_end, rests, part, end);
     } else {  // one group of pairs, in which each lane has islands of its own
-      find_lane_islands(pairs, island, name_);
+      find_lane_islands<System>(pairs, island, name_);
       for (std::size_t i = 0; i < name_.size(); ++i) {
         for (std::size_t j = 0; j < members_.size(); ++j)
           members_[j] = rests[j] & (name_[j] == as<S>(double(i)));

@@ -91,7 +91,7 @@ class RestingContacts {
     bool found = false;
     for (std::size_t k = 0; k < pairs.size(); ++k) {
       Pair& pair = pairs[k];
-      if (!kept_.mark(pair) && !course.has(pair)) mark_resting(pair, running);
+      if (!course.has(pair) && !kept_.mark(pair)) mark_resting(pair, running);
       if (!any(pair.any_resting)) continue;
       found = true;
       for (const int body : {pair.moved.first, pair.moved.second}) {
