@@ -134,7 +134,7 @@ class BroadPhase {
   template <class System, class Has>
   const Pairs& find(const System& system, const SystemState<S, N>& state, const detail::PerBody<S, N>& reach,
                     std::span<const int> bodies, std::span<const int> some,
-                    const Has& has) requires(N == dynamic && ScalarTraits<S>::lanes == 1) {
+                    const Has& has) requires(finds_some) {
     const auto position = [&](int i) -> const Vec3<S>& { return state[i].position; };
     const auto reach_of = [&](int i) -> const S& { return reach[static_cast<std::size_t>(i)]; };
     find_on_planes(system, state, some, reach_of);

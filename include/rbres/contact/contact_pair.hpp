@@ -182,14 +182,9 @@ bool found_before(const A& a, const B& b) {
   return i.second != k.second ? i.second < k.second : a.parts.number() < b.parts.number();
 }
 
-/// Whether pairs are remembered from part to part: heaps meet many impacts in a step, which leave most pairs
-/// as they are.
+/// The pairs of a part of a step. Heaps meet many impacts in a step, which leave most pairs as they are.
 template <class System>
-inline constexpr bool remembers_pairs = System::bodies == dynamic && !Packed<typename System::Scalar>;
-
-/// The pairs of a part of a step.
-template <class System>
-using ContactPairs = std::conditional_t<remembers_pairs<System>, Pool<ContactPair<System>>,
+using ContactPairs = std::conditional_t<may_be_crowd<System>, Pool<ContactPair<System>>,
                                         Reserved<ContactPair<System>, pair_room<System>>>;
 
 /// For how many contact points there is room: twice what equal balls can reach, none of which has more than

@@ -50,12 +50,16 @@ constexpr std::size_t pair_room = room_for<System>(most_pairs(part_room<System>,
                                                               static_cast<std::size_t>(System::most_planes)));
 /// @}
 
+/// Whether systems of a type may be a crowd: see is_crowd().
+template <class System>
+inline constexpr bool may_be_crowd = System::bodies == dynamic && !Packed<typename System::Scalar>;
+
 /// Whether a system has so many bodies that each step costs too much for all of them together, and each
 /// impact of a heap too much by itself. Fewer move to the same bits whether their number is known when the
 /// program is compiled or when it runs.
 template <class System>
 bool is_crowd(const System& system) {
-  return System::bodies == dynamic && !Packed<typename System::Scalar> && system.size() > 12;
+  return may_be_crowd<System> && system.size() > 12;
 }
 
 /// A pair whose bounding balls overlap.

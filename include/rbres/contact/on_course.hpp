@@ -13,7 +13,7 @@ class OnCourse {
   using Bodies = BodyIndices<System>;
 
  public:
-  static constexpr bool possible = System::bodies == dynamic && !Packed<typename System::Scalar>;
+  static constexpr bool possible = may_be_crowd<System>;
 
   explicit OnCourse(const System& system) {
     if constexpr (possible) {

@@ -31,7 +31,7 @@ class PairSearch {
   using Bodies = BodyIndices<System>;
   using Broad = BroadPhase<S, System::bodies, System::most_planes>;
   static constexpr bool compound = PartsOf<typename System::Shape>::compound;
-  static constexpr bool remembers = remembers_pairs<System>;
+  static constexpr bool remembers = may_be_crowd<System>;
 
  public:
   using Ways = PerBody<S, System::bodies>;  ///< m

@@ -16,7 +16,7 @@ class KeptIslands {
   using Pair = ContactPair<System>;
   using Pairs = ContactPairs<System>;
   using Bodies = BodyIndices<System>;
-  static constexpr bool possible = System::bodies == dynamic && !Packed<S>;
+  static constexpr bool possible = may_be_crowd<System>;
 
  public:
   explicit KeptIslands(const System& system) : in_crowd_(is_crowd(system)) {

@@ -310,7 +310,7 @@ class StepParts {
       }
       if (resting) resting_.correct_velocities(course_.others(), pairs, y, end, duration, pull);
       replace(running, end, y);
-      if constexpr (System::bodies == dynamic && !Packed<S>) {
+      if constexpr (may_be_crowd<System>) {
         resting ? resting_.note_manifolds(pairs, y) : search_.forget();
       }
       left = select(running, S(left - duration), left);
@@ -421,7 +421,7 @@ class StepParts {
       if (!course_.has(pair)) find(pair);
       earliest = minimum(earliest, pair.impact);
     }
-    if constexpr (System::bodies == dynamic && !Packed<S>) {
+    if constexpr (may_be_crowd<System>) {
       // What was foreseen from afar may be too early.
       const auto before = [](const auto& a, const auto& b) { return a.impact < b.impact; };
       for (;;) {
