@@ -35,11 +35,12 @@ int main(int argc, char** argv) {
   bool quick = false;
   std::string folder, json, commit;
   flag(app, "--quick", quick, "a small version, some minutes on two cores");
-  app.add_option("--out", folder, "folder for results, models and figures")
-      ->default_str("rbres_paper or rbres_paper_quick");
+  const auto* out = app.add_option("--out", folder, "folder for results, models and figures")
+                        ->default_str("rbres_paper or rbres_paper_quick");
   app.add_option("--json", json, "also save every figure of every table, by name, to this file");
   app.add_option("--commit", commit, "what results.md says of the version of the sources");
   return run_program("rbres_paper", app, argc, argv, [&] {
+    if (out->count() > 0 && folder.empty()) throw Error("--out: expected the name of a folder, found none");
     const Plan plan = quick ? quick_plan() : full_plan();
     if (!json.empty()) const AtomicFile writable(json);  // else that would be said after hours
     const Store store(folder.empty() ? (quick ? "rbres_paper_quick" : "rbres_paper") : folder);

@@ -42,6 +42,7 @@ TEST_CASE("the pairs of some bodies are those of all that have one of them in it
   constexpr int count = 60;
   const Crowd system(std::vector(count, Body{Sphere{0.1}, 1.0}), {floor_plane<double>()});
   BroadPhase<double, dynamic> broad(1, count), reference(1, count);
+  broad.reserve_for_some();
   Random random(2);
   Crowd::State y;
   y.body.resize(count);

@@ -206,6 +206,37 @@ TEST_CASE("an observer hears of the same impacts") {
   CHECK(by_fixed.heard == by_free.heard);
 }
 
+TEST_CASE("a crowd may have as many events in a step for each 12 bodies as others for all") {
+  using World = System<double, dynamic, Sphere<double>>;
+  constexpr int count = 48;
+  const World world(std::vector(count, Body<double, Sphere<double>>{Sphere{0.1}, 1.0, {0.5, 0.0}}),
+                    {floor_plane<double>()});
+  World::State y;
+  for (int i = 0; i < count; ++i) {
+    RigidState<double> ball;
+    ball.position = {0.5 * i, 0, 0.1 + 0.001 * (i + 1)};
+    ball.velocity = {0, 0, -1};
+    y.body.push_back(ball);
+  }
+  int heard = 0;
+  const auto overruns = [&](int events) {
+    heard = 0;
+    World::State end = y;
+    struct {
+      int* heard;
+      void operator()(double, const World::State&) const {}
+      void impact(double, const World::State&, const World::State&) { ++*heard; }
+    } observer{&heard};  // which keeps all bodies at one time
+    return simulate(world, end, Gravity<double>{{0, 0, 0}}, Rk4{},
+                    {.step = 0.05, .duration = 0.05, .max_events = events}, observer)
+        .overruns;
+  };
+  // Each impact is one event, and the way to it another.
+  CHECK(overruns(25) == 0);
+  CHECK(heard == count);
+  CHECK(overruns(23) == 1);
+}
+
 TEST_CASE("kinematic bodies and pairs without contact are as in a system of a fixed number") {
   using One = Body<double>;
   const std::vector<One> bodies{One::kinematic(Box{0.5, 0.5, 0.1}), {Sphere{0.1}, 1.0}, {Sphere{0.1}, 1.0}};

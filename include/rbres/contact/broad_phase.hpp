@@ -81,10 +81,10 @@ class BroadPhase {
     if constexpr (sweeps) some_.reserve(static_cast<std::size_t>(bodies));
     for (int i = 0; i < bodies; ++i) all_[static_cast<std::size_t>(i)].body = i;
     pairs_.reserve(detail::most_pairs(static_cast<std::size_t>(bodies), planes));
-    if constexpr (finds_some) {
-      neighbours_.reserve(static_cast<std::size_t>(bodies),
-                          detail::most_pairs(static_cast<std::size_t>(bodies), 0));
-    }
+  }
+  /// Allocates what it needs for pairs of some bodies, too.
+  void reserve_for_some() requires(finds_some) {
+    neighbours_.reserve(all_.size(), detail::most_pairs(all_.size(), 0));
   }
 
   /// `reach` is each body's bounding radius plus the way it may go (m).
@@ -130,7 +130,7 @@ class BroadPhase {
   }
 
   /// The same pairs that have one of `some` in it: has(i) says which. `bodies` are those of the last call
-  /// without.
+  /// without; there must be room, see reserve_for_some().
   template <class System, class Has>
   const Pairs& find(const System& system, const SystemState<S, N>& state, const detail::PerBody<S, N>& reach,
                     std::span<const int> bodies, std::span<const int> some,

@@ -54,12 +54,15 @@ constexpr std::size_t pair_room = room_for<System>(most_pairs(part_room<System>,
 template <class System>
 inline constexpr bool may_be_crowd = System::bodies == dynamic && !Packed<typename System::Scalar>;
 
+/// A crowd has more bodies.
+inline constexpr int few_bodies = 12;
+
 /// Whether a system has so many bodies that each step costs too much for all of them together, and each
 /// impact of a heap too much by itself. Fewer move to the same bits whether their number is known when the
 /// program is compiled or when it runs.
 template <class System>
 bool is_crowd(const System& system) {
-  return may_be_crowd<System> && system.size() > 12;
+  return may_be_crowd<System> && system.size() > few_bodies;
 }
 
 /// A pair whose bounding balls overlap.

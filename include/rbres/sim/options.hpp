@@ -23,7 +23,8 @@ struct SimulationOptions {
   /// Contacts that approach slower rest instead of bouncing (restitution below 1), m/s: for bodies with a
   /// bounding radius of 0.1 m. For others it grows with the root of the radius, as speeds of falls do.
   double rest_speed = 5e-3;
-  /// Impacts and times of impact in one step before the rest of it is done discretely.
+  /// Impacts and times of impact in one step before the rest of it is done discretely. A dynamic system of
+  /// more than 12 bodies may have as many for each 12.
   int max_events = 1000;
 
   /// Throws Error naming the first option that makes no sense.

@@ -24,6 +24,8 @@ class PartEnd {
 
   /// One for each pair: those that sunk() or find() has found.
   const Contacts& contacts() const { return contacts_; }
+  /// The same to write to, after room().
+  Contacts& contacts() { return contacts_; }
   /// How pair k meets in `flown`, for which sunk() was asked.
   const typename Pair::Contact& find(const Pairs& pairs, std::size_t k, const State& flown) {
     if (!found_[k]) pairs[k].find(*system_, flown, contacts_[k]);
@@ -38,11 +40,8 @@ class PartEnd {
     return std::any_of(contact.gap.begin(), contact.gap.begin() + std::ptrdiff_t(contact.used),
                        [&](const S& gap) { return any(gap <= pair.touch); });
   }
-  /// The same to write to, before sunk() is asked.
-  Contacts& room(const Pairs& pairs) {
-    contacts_.resize(pairs.size());
-    return contacts_;
-  }
+  /// Makes room for those of other places than the end, before sunk() is asked.
+  void room(const Pairs& pairs) { contacts_.resize(pairs.size()); }
 
   /// How much deeper than at the start of a part the deepest point is in `flown`, where the contacts' forces
   /// have taken the bodies in so many seconds; 1: as deep as it may get. Of resting pairs, or of all; not of

@@ -1,13 +1,11 @@
 #pragma once
 
 #include <rbres/contact/contact_memory.hpp>
-#include <rbres/contact/islands.hpp>
 #include <rbres/contact/pair_search.hpp>
 #include <rbres/sim/held_flight.hpp>
 #include <rbres/sim/island_energy.hpp>
-#include <rbres/sim/kept_islands.hpp>
-#include <rbres/sim/moving_islands.hpp>
 #include <rbres/sim/part_end.hpp>
+#include <rbres/sim/resting_islands.hpp>
 #include <rbres/sim/resting_points.hpp>
 #include <rbres/sim/resting_turn.hpp>
 #include <rbres/sim/resting_work.hpp>
@@ -39,9 +37,6 @@ class RestingContacts {
         rows_(system),
         memory_(system, rows_.capacity()),
         energy_(system),
-        kept_(system),
-        rests_(per_body<MaskOf<S>>(system)),
-        moving_(system),
         forces_(per_body<RestingForce<S>>(system)),
         torqued_(per_body<MaskOf<S>>(system)),
         turns_(system),
@@ -69,44 +64,20 @@ class RestingContacts {
 
   /// A new step of `bodies`.
   void start_step(const Bodies& bodies) {
-    kept_.clear(bodies);
+    islands_.start_step(bodies);
     rows_.start_step();
-    within_step_ = false;
   }
-  /// Those that keep their forces.
-  KeptIslands<System>& kept() { return kept_; }
-  const KeptIslands<System>& kept() const { return kept_; }
-  /// What they know of their forces.
+  /// Those that have been found.
+  const RestingIslands<System>& islands() const { return islands_; }
+  /// What is known of their forces.
   ContactMemory<System>& memory() { return memory_; }
 
-  /// Marks the points that touch, or nearly so, and move slowly; groups their pairs, of `bodies`, into
-  /// islands. False where there are none.
+  /// See RestingIslands::find().
   bool find(const Bodies& bodies, Pairs& pairs, const Motions& motion, const MaskOf<S>& running,
             const OnCourse<System>& course) {
-    all_ = bodies;
-    bodies_ = course.others();
-    islands_.clear();
-    moving_.start_part(bodies_, motion);
-    for (const int i : bodies_) rests_[index(i)] = MaskOf<S>(false);
-    bool found = false;
-    for (std::size_t k = 0; k < pairs.size(); ++k) {
-      Pair& pair = pairs[k];
-      if (!course.has(pair) && !kept_.mark(pair)) mark_resting(pair, running);
-      if (!any(pair.any_resting)) continue;
-      found = true;
-      for (const int body : {pair.moved.first, pair.moved.second}) {
-        if (body >= 0) rests_[index(body)] = rests_[index(body)] | pair.any_resting;
-      }
-      islands_.add(k, pair.moved.first, pair.moved.second);
-    }
-    if (!found) {
-      kept_.clear(all_);
-      for (const int i : bodies_) forces_[index(i)] = {};
-      return false;
-    }
-    islands_.group(Packed<S>);
-    moving_.group(islands_, pairs);
-    return true;
+    if (islands_.find(bodies, pairs, motion, running, course)) return true;
+    for (const int i : islands_.others()) forces_[index(i)] = {};
+    return false;
   }
 
   /// Slow approaches of resting points end at once, without bounce: changes the velocities in `motion`.
@@ -114,7 +85,7 @@ class RestingContacts {
   MaskOf<S> stop_approaches(const Pairs& pairs, Motions& motion, const ClosingRate<S>& pull) {
     MaskOf<S> stopped(false);
     for (std::size_t island = 0; island < islands_.count(); ++island) {
-      if (keeps(pairs, island)) continue;
+      if (islands_.keeps(pairs, island)) continue;
       MaskOf<S> slow(false);
       for (const std::size_t k : islands_[island]) {
         const Pair& pair = pairs[k];
@@ -130,7 +101,7 @@ class RestingContacts {
         const S target = minimum(closing_speed(pair, pair.manifold, i, pull), S(0));
         rows_.add(pair, pair.manifold, i, pair.resting[i], target, pair.surface.friction, motion);
       });
-      correct(motion, slow, is_moving(pairs, island));
+      correct(motion, slow, islands_.is_moving(pairs, island));
     }
     return stopped;
   }
@@ -138,8 +109,8 @@ class RestingContacts {
   /// Changes the velocities at the end of `free` flight, for find_forces(), by what is known of it: see
   /// HeldFlight.
   void expect_held(const Motions& motion, State& free) {
-    for (const int i : bodies_) {
-      if (nearly_rests(i, motion)) {
+    for (const int i : islands_.others()) {
+      if (islands_.nearly_rests(i, motion)) {
         held_.expect(i, free[i]);
       } else {
         held_.forget(i);
@@ -151,11 +122,11 @@ class RestingContacts {
   /// is for the next part alone. `again`: see HeldFlight.
   bool learn_held(const Motions& motion, const State& flown, State& free, bool again) {
     bool news = false;
-    for (const int i : bodies_) {
-      if (!nearly_rests(i, motion)) continue;
+    for (const int i : islands_.others()) {
+      if (!islands_.nearly_rests(i, motion)) continue;
       const Motion<S>&unheld = unheld_[index(i)], &end = end_[index(i)];
       const bool more = held_.learn(i, motion[index(i)], unheld, end, flown[i], free[i], again);
-      news |= more && !moving_.has_island_of(i);
+      news |= more && !islands_.moving().has_island_of(i);
     }
     return news;
   }
@@ -165,68 +136,26 @@ class RestingContacts {
   /// none.
   void find_forces(const Pairs& pairs, const State& y, const Motions& motion, const State& free,
                    const S& left, const ClosingRate<S>& pull) {
-    for (const int i : bodies_) {
-      if (kept_.has(i)) continue;
-      kept_.start(i, y);
-      end_[index(i)] = motion[index(i)];
-      end_[index(i)].velocity = free[i].velocity;
-      end_[index(i)].angular_velocity = free[i].angular_velocity_world();
-      unheld_[index(i)] = end_[index(i)];
-      forces_[index(i)] = {};
-      torqued_[index(i)] = MaskOf<S>(false);
-    }
+    start_forces(y, motion, free);
     const MaskOf<S> open = left > S(0);
     const S rate = S(1) / select(open, left, S(1));
     // Forces over short parts make up for what is left of an impact: those before are nearer to the next.
     const MaskOf<S> lasts = left * pull.largest() > as<S>(0.01), keeps_forces = open & lasts;
     memory_.start();
-    auto& halfway = at_end_.room(pairs);
-    turns_.start(bodies_, motion, left, pairs.size());
+    at_end_.room(pairs);
+    turns_.start(islands_.others(), motion, left, pairs.size());
     for (const Pair& pair : pairs) {
-      if (any(pair.any_resting) && kept_.has(pair)) memory_.keep(pair);
+      if (any(pair.any_resting) && islands_.kept().has(pair)) memory_.keep(pair);
     }
     for (std::size_t island = 0; island < islands_.count(); ++island) {
-      if (keeps(pairs, island)) continue;
-      const bool moving = is_moving(pairs, island);
-      turns_.find_halfway(*system_, pairs, islands_[island], y, motion, left, halfway);
-      take_up(pairs, island, [&](std::size_t k, const Pair& pair, std::size_t i) {
-        const S leaves = closing_speed(pair, pair.manifold, i, pull);
-        const auto add = [&](const typename Pair::Contact& there, const S& speed, Motions& bodies) -> auto& {
-          const S target = leaves - speed;
-          return rows_.add(pair, there, i, pair.resting[i], target, pair.surface.friction, bodies);
-        };
-        if (!turns_.moves(k)) {
-          add(pair.manifold, pair.speed[i], end_);
-          return;
-        }
-        const Vec3<S> way = halfway[k].point[i] - pair.manifold.point[i];
-        if (pair.plane()) {
-          const Vec3<S> drift = cross(motion[index(pair.who.second)].angular_velocity, way);
-          add(halfway[k], pair.speed[i], end_).set_drift(drift);
-        } else {
-          add(halfway[k], pair.opening(halfway[k], i, turns_.motion()), turns_.motion()).way_halfway = way;
-        }
-      });
+      if (islands_.keeps(pairs, island)) continue;
+      take_up_halfway(pairs, island, y, motion, left, pull);
       rows_.each(end_, [&](auto& row, auto& point, auto& first, auto& second) {
         std::array<S, 3> impulse = memory_.force(row);
         for (S& p : impulse) p = select(row.active, S(left * p), S(0));
         point.add(impulse, first, second);
       });
-      const auto foresee = [&](const MaskOf<S>& where, bool guess) {
-        return turns_.foresee(*system_, pairs, islands_[island], y, free, left, where, guess, unheld_, end_);
-      };
-      const auto solve = [&](const MaskOf<S>& where) {
-        within_step_ ? rows_.solve_within_step(end_, where) : rows_.solve(end_, where, moving);
-      };
-      foresee(open, true);
-      solve(open);
-      // A crowd is solved from the forces of the step before, which are near enough. Others owe nothing to
-      // them but where they start.
-      MaskOf<S> news = in_crowd_ ? MaskOf<S>(false) : open;
-      for (int round = 0; round < most_rounds && any(news); ++round) {
-        news = foresee(news, false);
-        if (any(news)) solve(news);
-      }
+      solve_forces(pairs, island, y, free, left, open);
       rows_.each(end_, [&](auto& row, auto& point, auto&, auto&) {
         memory_.keep(row, rate, keeps_forces);
         if (row.moved.first < 0) return;
@@ -238,8 +167,8 @@ class RestingContacts {
       });
     }
     memory_.finish(open);
-    for (const int i : bodies_) {
-      if (!any(moves(i))) continue;
+    for (const int i : islands_.others()) {
+      if (!any(islands_.moves(i))) continue;
       const Motion<S>&m = end_[index(i)], &b = unheld_[index(i)];
       const Mat3<S> axes = rotation_matrix(y[i].orientation);
       const Vec3<S> spin = axes.transposed_times(m.angular_velocity - b.angular_velocity);
@@ -254,7 +183,8 @@ class RestingContacts {
   /// An impact has changed how body i moves while these act.
   void note_impact(int i, const RigidState<S>& before, const RigidState<S>& after) {
     const auto& body = (*system_)[i];
-    if (kept_.has(i)) kept_.strike(i, rotation_energy(body, after) - rotation_energy(body, before));
+    if (islands_.kept().has(i))
+      islands_.kept().strike(i, rotation_energy(body, after) - rotation_energy(body, before));
   }
   /// Other forces have this torque on body i while these act.
   void note_torque(int i, const Vec3<S>& torque) {
@@ -265,22 +195,21 @@ class RestingContacts {
   /// See PartEnd::sunk(), of bodies that the contacts' forces have taken to `flown`.
   S sunk(const Pairs& pairs, const State& flown, const S& seconds, const MaskOf<S>& all, const S& sinking) {
     return at_end_.sunk(pairs, flown, seconds, all, sinking,
-                        [&](const Pair& pair) { return moving_.has(pair); });
+                        [&](const Pair& pair) { return islands_.moving().has(pair); });
   }
 
   /// Whether a resting pair would be too deep at `end`, where its forces take its bodies if no impact does.
   bool sinks(const Pair& pair, const State& end, const S& sinking) const {
     typename Pair::Contact contact;
     pair.find(*system_, end, contact);
-    return any(at_end_.sunk(pair, contact, MaskOf<S>(true), sinking, moving_.has(pair)) > S(1));
+    return any(at_end_.sunk(pair, contact, MaskOf<S>(true), sinking, islands_.moving().has(pair)) > S(1));
   }
 
   /// Chooses the islands that keep their forces after a part of so many seconds, for whose end, `flown`,
   /// sunk() was asked: where it `may` be, those that no impact there reaches.
   void keep_undisturbed(const Pairs& pairs, bool may, const State& flown, const S& seconds, const S& most) {
-    within_step_ = may;
     const auto touches = [&](std::size_t k) { return at_end_.touches(pairs, k, flown, seconds); };
-    may ? kept_.choose(all_, pairs, touches, seconds, most) : kept_.clear(all_);
+    islands_.keep_undisturbed(pairs, may, touches, seconds, most);
   }
 
   /// Changes the velocities of `end`, for which sunk() was asked, in islands that do not keep their forces,
@@ -288,11 +217,10 @@ class RestingContacts {
   /// `part` seconds. `bodies`: those that keep_undisturbed() has left.
   void correct_velocities(const Bodies& bodies, const Pairs& pairs, const State& y, State& end, const S& part,
                           const ClosingRate<S>& pull) {
-    bodies_ = bodies;
-    for (const int i : all_) flown_[i] = end[i];
-    set_motions(*system_, bodies_, end, end_);
+    for (const int i : islands_.all()) flown_[i] = end[i];
+    set_motions(*system_, bodies, end, end_);
     for (std::size_t island = 0; island < islands_.count(); ++island) {
-      if (keeps(pairs, island)) continue;
+      if (islands_.keeps(pairs, island)) continue;
       rows_.clear();
       for (const std::size_t k : islands_[island]) {
         const Pair& pair = pairs[k];
@@ -307,50 +235,92 @@ class RestingContacts {
         }
       }
       const MaskOf<S> every(true);
-      correct(end_, every, is_moving(pairs, island));
+      correct(end_, every, islands_.is_moving(pairs, island));
     }
     take_velocities(
-        bodies_, [&](int i) { return moves(i); }, end, end_);
+        bodies, [&](int i) { return islands_.moves(i); }, end, end_);
     for (std::size_t island = 0; island < islands_.count(); ++island) {
-      if (keeps(pairs, island)) continue;
-      const S seconds = kept_.age(pairs[islands_[island].front()].moved.second, part);
-      energy_.bound(*system_, pairs, islands_[island], at_end_.contacts(), rests_,
-                    {kept_.start(y), flown_, forces_, torqued_, seconds, kept_}, end);
+      if (islands_.keeps(pairs, island)) continue;
+      const S seconds = islands_.kept().age(pairs[islands_[island].front()].moved.second, part);
+      energy_.bound(*system_, pairs, islands_[island], at_end_.contacts(), islands_.rests(),
+                    {islands_.kept().start(y), flown_, forces_, torqued_, seconds, islands_.kept()}, end);
     }
-    kept_.end_part(all_, pairs, part);
+    islands_.kept().end_part(islands_.all(), pairs, part);
   }
 
   /// See PartEnd::note_manifolds().
   void note_manifolds(Pairs& pairs, const State& y) const { at_end_.note_manifolds(pairs, flown_, y); }
 
-  /// Where a body has a resting contact and new forces.
-  MaskOf<S> moves(int i) const { return kept_.has(i) ? MaskOf<S>(false) : rests_[index(i)]; }
-
  private:
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
-
-  /// Whether an island keeps its forces.
-  bool keeps(const Pairs& pairs, std::size_t island) const {
-    return kept_.has(pairs[islands_[island].front()]);
-  }
-
-  /// Whether a body that contacts hold is so slow that HeldFlight is for it.
-  bool nearly_rests(int i, const Motions& motion) const {
-    return any(moves(i)) && !moving_.is_moving(i, motion[index(i)]);
-  }
-  bool is_moving(const Pairs& pairs, std::size_t island) const {
-    return moving_.has_island_of(pairs[islands_[island].front()].moved.second);
-  }
 
   /// Takes away what approaches in the rows of an island: coarsely where forces that are found next take up
   /// what is left.
   void correct(Motions& motion, const MaskOf<S>& where, bool moving) {
-    if (within_step_) {
+    if (islands_.within_step()) {
       rows_.sweep_within_step(motion, where);
     } else if (moving) {
       rows_.correct_moving(motion, where);
     } else {
       rows_.solve(motion, where);
+    }
+  }
+
+  /// Bodies that do not keep their forces have none yet: they end a part as they do in `free` flight.
+  void start_forces(const State& y, const Motions& motion, const State& free) {
+    for (const int i : islands_.others()) {
+      if (islands_.kept().has(i)) continue;
+      islands_.kept().start(i, y);
+      end_[index(i)] = motion[index(i)];
+      end_[index(i)].velocity = free[i].velocity;
+      end_[index(i)].angular_velocity = free[i].angular_velocity_world();
+      unheld_[index(i)] = end_[index(i)];
+      forces_[index(i)] = {};
+      torqued_[index(i)] = MaskOf<S>(false);
+    }
+  }
+  /// Takes up the resting points of an island where they are when half of a part is over.
+  void take_up_halfway(const Pairs& pairs, std::size_t island, const State& y, const Motions& motion,
+                       const S& left, const ClosingRate<S>& pull) {
+    auto& halfway = at_end_.contacts();
+    turns_.find_halfway(*system_, pairs, islands_[island], y, motion, left, halfway);
+    take_up(pairs, island, [&](std::size_t k, const Pair& pair, std::size_t i) {
+      const S leaves = closing_speed(pair, pair.manifold, i, pull);
+      const auto add = [&](const typename Pair::Contact& there, const S& speed, Motions& bodies) -> auto& {
+        const S target = leaves - speed;
+        return rows_.add(pair, there, i, pair.resting[i], target, pair.surface.friction, bodies);
+      };
+      if (!turns_.moves(k)) {
+        add(pair.manifold, pair.speed[i], end_);
+        return;
+      }
+      const Vec3<S> way = halfway[k].point[i] - pair.manifold.point[i];
+      if (pair.plane()) {
+        const Vec3<S> drift = cross(motion[index(pair.who.second)].angular_velocity, way);
+        add(halfway[k], pair.speed[i], end_).set_drift(drift);
+      } else {
+        add(halfway[k], pair.opening(halfway[k], i, turns_.motion()), turns_.motion()).way_halfway = way;
+      }
+    });
+  }
+  /// Solves the rows of an island in the lanes `open`, and again while forces turn its bodies.
+  void solve_forces(const Pairs& pairs, std::size_t island, const State& y, const State& free, const S& left,
+                    const MaskOf<S>& open) {
+    const bool moving = islands_.is_moving(pairs, island);
+    const auto foresee = [&](const MaskOf<S>& where, bool guess) {
+      return turns_.foresee(*system_, pairs, islands_[island], y, free, left, where, guess, unheld_, end_);
+    };
+    const auto solve = [&](const MaskOf<S>& where) {
+      islands_.within_step() ? rows_.solve_within_step(end_, where) : rows_.solve(end_, where, moving);
+    };
+    foresee(open, true);
+    solve(open);
+    // A crowd is solved from the forces of the step before, which are near enough. Others owe nothing to
+    // them but where they start.
+    MaskOf<S> news = in_crowd_ ? MaskOf<S>(false) : open;
+    for (int round = 0; round < most_rounds && any(news); ++round) {
+      news = foresee(news, false);
+      if (any(news)) solve(news);
     }
   }
 
@@ -369,16 +339,10 @@ class RestingContacts {
 
   const System* system_;
   bool in_crowd_;
-  Bodies all_;     ///< that may rest
-  Bodies bodies_;  ///< those of which more is to be found than that they go on as they did
-  Islands<System> islands_;
+  RestingIslands<System> islands_;
   ContactRows<System> rows_;
   ContactMemory<System> memory_;
   IslandEnergy<System> energy_;
-  KeptIslands<System> kept_;
-  bool within_step_ = false;  ///< whether an impact in a crowd has ended the part before
-  PerBody<MaskOf<S>, System::bodies> rests_;
-  MovingIslands<System> moving_;
   Forces forces_;
   PerBody<MaskOf<S>, System::bodies> torqued_;  ///< whether other forces turn it
   RestingTurns<System> turns_;

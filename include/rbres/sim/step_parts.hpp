@@ -2,15 +2,16 @@
 
 #include <algorithm>
 #include <limits>
-#include <rbres/contact/impact_search.hpp>
 #include <rbres/contact/impacts.hpp>
 #include <rbres/contact/pair_search.hpp>
 #include <rbres/dynamics/free_flight.hpp>
 #include <rbres/sim/contact_tally.hpp>
 #include <rbres/sim/impact_log.hpp>
+#include <rbres/sim/next_impact.hpp>
 #include <rbres/sim/options.hpp>
 #include <rbres/sim/resting_contacts.hpp>
 #include <rbres/sim/sleeping_islands.hpp>
+#include <rbres/sim/step_clock.hpp>
 #include <utility>
 
 namespace rbres::RBRES_ABI::detail {
@@ -37,8 +38,7 @@ class StepParts {
         part_end_(free_),
         cut_(free_),
         motion_(per_body<Motion<S>>(system)),
-        end_motion_(motion_),
-        probe_(free_),
+        next_impact_(system),
         course_(system),
         log_(system),
         sleeping_(system) {}
@@ -89,7 +89,7 @@ class StepParts {
                   const S& t, const S& h) {
     bodies_ = bodies;
     course_.clear(bodies_);
-    if (!flown_) fly_to(free_, bodies_, forces, integrator, y, t, h);
+    if (!flown_) fly_bodies(*system_, bodies_, forces, integrator, y, t, h, free_);
     sleeping_.hold(bodies_, y, free_);
     search_.start_part(bodies_);
   }
@@ -127,202 +127,101 @@ class StepParts {
   template <class Model, class Integrator, class Observer, class Hold>
   S advance(const Bodies& bodies, const Model& forces, const Integrator& integrator, State& y, S& now,
             const S& h, Observer& observer, ContactTally<S>& tally, bool flown, const Hold& hold) {
-    bodies_ = bodies;
-    impacts_.start_step(bodies_);
-    resting_.start_step(bodies_);
-    search_.forget();
-    search_.start_part(bodies_);
-    course_.clear(bodies_);
-    S left = h, known = h;  // how far those on course are known to go
-    MaskOf<S> lost(false);  // too far for one step, or without an end of impacts
+    start_parts(bodies);
+    const auto fly = [&](State& end, const Bodies& which, const S& seconds, const auto& push) {
+      fly_bodies(*system_, which, forces, integrator, y, now, seconds, end, push);
+      sleeping_.hold(bodies_, y, end);
+    };
+    StepClock<S> clock(h, in_crowd_);
     bool resolved = false;  // the impacts of this instant
-    S longest = h;          // part that can be computed at once
-    const S shortest = as<S>(1.0 / 512) * h;
-    for (int event = 0; event < options_.max_events; ++event) {
-      lost = lost | impacts_.unresolved();  // bodies in a press: no impulse lets all points part
-      MaskOf<S> running = (left > S(0)) & !lost;
-      if (!any(running)) break;
-      // No rest is left that is a rounding error: forces over such a part would be, too.
-      const S ahead = select(left < as<S>(1.25) * longest, left, longest);
-      // Resting contacts close a tenth of their gap in a step, and more where its parts must be short.
-      // Bodies of a heap that are wedged between walls overlap both: they would push for ever.
-      const ClosingRate<S> pull{as<S>(0.1) / h, select(longest < h, S(as<S>(0.5) / longest), S(0)),
-                                in_crowd_ ? as<S>(1.1 * heap_sinking) : S(0)};
+    const long most = most_events(bodies);
+    for (long event = 0; event < most; ++event) {
+      clock.give_up(impacts_.unresolved());  // bodies in a press: no impulse lets all points part
+      StepPart<S> part = clock.next();
+      if (!any(part.running)) break;
 
-      // Find the pairs that may touch before the step is over.
-      if constexpr (OnCourse<System>::possible) {
-        if (ahead != known) course_.clear(bodies_);
+      // Find the pairs that may touch before the part is over.
+      if (!clock.goes_on(part)) course_.clear(bodies_);
+      if (!std::exchange(flown, false)) {
+        fly(free_, course_.others(), part.seconds, NoPush{});
+        const auto& ways = search_.ways(course_.others(), y, free_, part.seconds);
+        const MaskOf<S> faulty = mark_faults(ways, part.running, y);
+        clock.stop(faulty);
+        part.running = part.running & !faulty;
+        if (!hold(course_.others(), ways)) return clock.left();
       }
-      if (!flown) {
-        fly_to(free_, course_.others(), forces, integrator, y, now, ahead);
-        sleeping_.hold(bodies_, y, free_);
-        const MaskOf<S> faulty = mark_faults(search_.ways(course_.others(), y, free_, ahead), running, y);
-        left = select(faulty, S(0), left);
-        running = running & !faulty;
-        if (!hold(course_.others(), search_.ways())) return left;
-      }
-      flown = false;
-      const auto& ways = search_.ways();
-      Pairs& pairs = search_.find(bodies_, y, running, course_);
-      if (!sleeping_.sift(y, free_, ways, ahead, pairs)) {
+      Pairs& pairs = search_.find(bodies_, y, part.running, course_);
+      if (!sleeping_.sift(y, free_, search_.ways(), part.seconds, pairs)) {
         course_.clear(bodies_);
         continue;
       }
       if (pairs.empty()) {
-        replace(running, free_, y);
-        left = select(running, S(left - ahead), left);
-        now = now + ahead;
+        replace(part.running, free_, y);
+        course_.clear(bodies_);
+        clock.pass(part, part.seconds);
+        now = now + part.seconds;
         continue;
       }
-
-      // What an impact has made spin may turn too far for the interpolation that finds the next.
-      const S turn = fastest_spin<System>(pairs, y) * ahead;
-      const MaskOf<S> far = turn > as<S>(1.25), helps = ahead > shortest * turn,
-                      whirls = running & far & helps;
-      if (any(whirls)) {
-        longest = select(whirls, S(ahead / maximum(turn, S(1))), longest);
-        continue;
-      }
-
-      set_motions(*system_, course_.others(), y, motion_);
-      for (auto& pair : pairs) {
-        if (course_.has(pair)) continue;
-        for (const int i : {pair.who.first, pair.who.second}) {
-          if (i >= 0 && course_.has(i)) set_motion(i, y);
-        }
-      }
-      for (auto& pair : pairs) {
-        if (!course_.has(pair)) measure(*system_, y, motion_, running, pair);
-      }
+      if (clock.shorten_for(fastest_spin<System>(pairs, y), part)) continue;
+      measure_others(pairs, y, part.running);
 
       // Resolve the impacts of this instant.
-      if (!resolved && any(resolve_impacts(pairs, now, observer, tally))) {
-        for (const int i : bodies_) cut_[i] = y[i];
-        take_velocities(
-            bodies_, [&](int i) { return impacts_.changed(i); }, cut_, motion_);
-        if constexpr (HearsImpacts<Observer, State, S>)
-          observer.impact(now, std::as_const(y), std::as_const(cut_));
-        for (const int i : bodies_) {
-          if (!any(impacts_.changed(i))) continue;
-          resting_.note_impact(i, y[i], cut_[i]);
-          y[i] = cut_[i];
-        }
-        course_.choose(bodies_, [&](int i) { return course_.has(i) && !any(impacts_.changed(i)); });
-        resolved = true;
-        continue;
-      }
-      resolved = false;
+      if (!std::exchange(resolved, true) && resolve_impacts(pairs, y, now, observer, tally)) continue;
 
-      // Find the forces of resting contacts.
-      const bool resting = resting_.find(bodies_, pairs, motion_, running, course_);
-      if (resting && leave_course()) {
-        resolved = true;
-        continue;
-      }
-      if (const MaskOf<S> stopped =
-              resting ? resting_.stop_approaches(pairs, motion_, pull) : MaskOf<S>(false);
-          any(stopped)) {
-        take_velocities(
-            bodies_, [&](int i) { return stopped & resting_.moves(i); }, y, motion_);
-        for (auto& pair : pairs) {
-          if (!course_.has(pair)) measure_speeds<System>(motion_, pair);
-        }
-        fly_to(free_, course_.others(), forces, integrator, y, now, ahead);
-        sleeping_.hold(bodies_, y, free_);
-      }
+      // Find the forces of resting contacts, and where they take the bodies.
+      const bool resting = resting_.find(bodies_, pairs, motion_, part.running, course_);
       if (resting) {
-        if constexpr (SleepingIslands<System>::possible) resting_.expect_held(motion_, free_);
-        resting_.find_forces(pairs, y, motion_, free_, ahead, pull);
-      }
-      const auto go = [&](State& end, const Bodies& which, const S& time) {
-        const auto push = [&](const RigidState<S>& state, int i, const S& at, const Wrench<S>& wrench) {
-          const auto& c = resting_.forces()[static_cast<std::size_t>(i)];
-          const auto& kept = resting_.kept();
-          const Vec3<S> torque =
-              c.torque_at(kept.age(i, S(at - now)), state.position - kept.start(y)[i].position);
-          resting_.note_torque(i, wrench.torque);
-          return wrench + Wrench<S>{c.force, rotate_back(state.orientation, torque)};
-        };
-        if (resting) {
-          fly_to(end, which, forces, integrator, y, now, time, push);
-        } else {
-          fly_to(end, which, forces, integrator, y, now, time);
-        }
-        sleeping_.hold(bodies_, y, end);
-      };
-
-      // Advance to the next impact.
-      if (resting) {
-        go(part_end_, course_.others(), ahead);
-        if constexpr (SleepingIslands<System>::possible) {
-          for (int round = 0;
-               round < most_rounds && resting_.learn_held(motion_, part_end_, free_, round > 0); ++round) {
-            resting_.find_forces(pairs, y, motion_, free_, ahead, pull);
-            go(part_end_, course_.others(), ahead);
-          }
-        }
+        if (leave_course()) continue;
+        hold_resting(pairs, y, now, part, fly);
+        // They may carry a body farther than its free flight: then others may be in its way.
+        if (!search_.covers(course_.others(), y, part_end_, part.seconds, part.running)) continue;
       } else {
         for (const int i : course_.others()) part_end_[i] = free_[i];
       }
-      S duration = ahead;
-      // Contact forces may carry a body farther than its free flight: then others may be in its way.
-      if (resting && !search_.covers(course_.others(), y, part_end_, ahead, running)) {
-        resolved = true;
-        continue;
-      }
+
+      // Find the next impact, and go there.
       const S sinking = resting && in_crowd_ ? as<S>(heap_sinking) : S(0);
-      // However dense the impacts, time goes on.
-      const S impact =
-          maximum(earliest_impact(pairs, y, ahead, sinking, lost), minimum(ahead, S(as<S>(1e-9) * h)));
-      if (sleeping_.disturbed(pairs, ahead)) {
+      MaskOf<S> lost(false);
+      const S first = next_impact_.find(pairs, course_, y, motion_, part_end_, part.seconds, sinking, lost);
+      const S impact = maximum(first, clock.least(part));
+      clock.give_up(lost);
+      if (sleeping_.disturbed(pairs, part.seconds)) {
         course_.clear(bodies_);
-        resolved = true;
         continue;
       }
-      const MaskOf<S> cuts = running & (impact < ahead);
+      const MaskOf<S> cuts = part.running & (impact < part.seconds);
       const bool cut = any(cuts);
+      const S duration = cut ? impact : part.seconds;
       State& end = cut ? cut_ : part_end_;
       if (cut) {
-        go(end, bodies_, impact);
-        duration = impact;
+        resting ? fly(end, bodies_, duration, push_from(y, now)) : fly(end, bodies_, duration, NoPush{});
       }
-      if (cut || resting) {
-        // Forces that are constant over a part, and the interpolation that finds impacts, are off by the
-        // third and fourth power of its duration: where bodies end too deep, it must be shorter.
-        const MaskOf<S> divides = ahead > shortest,
-                        sinks = resting_.sunk(pairs, end, duration, cuts, sinking) > S(1);
-        const MaskOf<S> deep = running & divides & sinks;
-        if (any(deep)) {
-          longest = select(deep, maximum(S(as<S>(0.5) * ahead), shortest), longest);
-          resolved = true;
-          continue;
-        }
-      }
+      if ((cut || resting) &&
+          clock.shorten_where(resting_.sunk(pairs, end, duration, cuts, sinking) > S(1), part))
+        continue;
+
       // What is known is for the time up to the end of the step: islands that the impact does not reach keep
       // their forces, and their bodies their course.
-      const MaskOf<S> early = ahead < left;
-      const bool goes_on = in_crowd_ && cut && !any(early);
-      if (resting || goes_on) resting_.keep_undisturbed(pairs, goes_on, end, duration, ahead);
+      const bool goes_on = in_crowd_ && cut && clock.ends_with(part);
+      if (resting || goes_on) resting_.keep_undisturbed(pairs, goes_on, end, duration, part.seconds);
       if (is_local<Model, S, typename System::Shape> && goes_on) {
-        choose_course(pairs, ahead, sinking);
+        choose_course(pairs, part.seconds, sinking);
       } else {
         course_.clear(bodies_);
       }
-      if (resting) resting_.correct_velocities(course_.others(), pairs, y, end, duration, pull);
-      replace(running, end, y);
+      if (resting) resting_.correct_velocities(course_.others(), pairs, y, end, duration, part.pull);
+      replace(part.running, end, y);
       if constexpr (may_be_crowd<System>) {
         resting ? resting_.note_manifolds(pairs, y) : search_.forget();
       }
-      left = select(running, S(left - duration), left);
-      known = left;
-      // In a crowd it is one body of many whose parts must be short, and most often not for long.
-      if (in_crowd_) longest = minimum(h, S(as<S>(1.5) * longest));
-      keep_course(pairs, duration);
+      clock.pass(part, duration);
       now = now + duration;
-      if (resting && !any(left > S(0))) sleeping_.collect(pairs);
+      keep_course(pairs, duration);
+      if (resting && !any(clock.left() > S(0))) sleeping_.collect(pairs);
       search_.start_part(bodies_);
+      resolved = false;
     }
-    return left;
+    return clock.left();
   }
 
  private:
@@ -334,9 +233,58 @@ class StepParts {
   static constexpr bool may_sleep =
       SleepingIslands<System>::possible&& is_local<Model, S, typename System::Shape>;
 
-  /// Resolves the impacts of this instant; the observer may hear their impulses.
+  /// How many events a step of `bodies` may have. Each of a crowd is one of a few of them.
+  long most_events(const Bodies& bodies) const {
+    long most = options_.max_events;
+    if constexpr (may_be_crowd<System>) {
+      if (in_crowd_) most *= (std::ssize(bodies) + few_bodies - 1) / few_bodies;
+    }
+    return most;
+  }
+
+  void start_parts(const Bodies& bodies) {
+    bodies_ = bodies;
+    impacts_.start_step(bodies_);
+    resting_.start_step(bodies_);
+    search_.forget();
+    search_.start_part(bodies_);
+    course_.clear(bodies_);
+  }
+
+  /// Notes how pairs meet in y, but for those of two bodies that are on course.
+  void measure_others(Pairs& pairs, const State& y, const MaskOf<S>& running) {
+    set_motions(*system_, course_.others(), y, motion_);
+    for (auto& pair : pairs) {
+      if (course_.has(pair)) continue;
+      for (const int i : {pair.who.first, pair.who.second}) {
+        if (i >= 0 && course_.has(i)) motion_[static_cast<std::size_t>(i)] = motion_of((*system_)[i], y[i]);
+      }
+    }
+    for (auto& pair : pairs) {
+      if (!course_.has(pair)) measure(*system_, y, motion_, running, pair);
+    }
+  }
+
+  /// Resolves the impacts of this instant, of which the observer may hear. False where there are none.
   template <class Observer>
-  MaskOf<S> resolve_impacts(Pairs& pairs, const S& now, Observer& observer, ContactTally<S>& tally) {
+  bool resolve_impacts(Pairs& pairs, State& y, const S& now, Observer& observer, ContactTally<S>& tally) {
+    if (!any(find_impulses(pairs, now, observer, tally))) return false;
+    for (const int i : bodies_) cut_[i] = y[i];
+    take_velocities(
+        bodies_, [&](int i) { return impacts_.changed(i); }, cut_, motion_);
+    if constexpr (HearsImpacts<Observer, State, S>)
+      observer.impact(now, std::as_const(y), std::as_const(cut_));
+    for (const int i : bodies_) {
+      if (!any(impacts_.changed(i))) continue;
+      resting_.note_impact(i, y[i], cut_[i]);
+      y[i] = cut_[i];
+    }
+    course_.choose(bodies_, [&](int i) { return course_.has(i) && !any(impacts_.changed(i)); });
+    return true;
+  }
+  /// Gives motion_ the velocities after these impacts, and returns where there are any.
+  template <class Observer>
+  MaskOf<S> find_impulses(Pairs& pairs, const S& now, Observer& observer, ContactTally<S>& tally) {
     if constexpr (!Packed<S> && HearsImpulses<Observer, S>) {
       const auto hear = [&](const Candidate& who, const Vec3<S>& normal, const Vec3<S>& point,
                             const Vec3<S>& impulse) {
@@ -349,21 +297,51 @@ class StepParts {
     }
   }
 
-  template <class Model, class Integrator, class Push = NoPush>
-  void fly_to(State& end, const Bodies& bodies, const Model& forces, const Integrator& integrator,
-              const State& y, const S& t, const S& h, const Push& push = {}) const {
-    fly_bodies(*system_, bodies, forces, integrator, y, t, h, end, push);
+  /// Finds the forces of resting contacts over a part from y on, and where they take the bodies: part_end_.
+  template <class Fly>
+  void hold_resting(Pairs& pairs, State& y, const S& now, const StepPart<S>& part, const Fly& fly) {
+    if (const MaskOf<S> stopped = resting_.stop_approaches(pairs, motion_, part.pull); any(stopped)) {
+      take_velocities(
+          bodies_, [&](int i) { return stopped & resting_.islands().moves(i); }, y, motion_);
+      for (auto& pair : pairs) {
+        if (!course_.has(pair)) measure_speeds<System>(motion_, pair);
+      }
+      fly(free_, course_.others(), part.seconds, NoPush{});
+    }
+    const auto hold = [&] {
+      resting_.find_forces(pairs, y, motion_, free_, part.seconds, part.pull);
+      fly(part_end_, course_.others(), part.seconds, push_from(y, now));
+    };
+    if constexpr (SleepingIslands<System>::possible) {
+      resting_.expect_held(motion_, free_);
+      hold();
+      for (int round = 0; round < most_rounds && resting_.learn_held(motion_, part_end_, free_, round > 0);
+           ++round)
+        hold();
+    } else {
+      hold();
+    }
   }
-  void set_motion(int i, const State& y) {
-    motion_[static_cast<std::size_t>(i)] = motion_of((*system_)[i], y[i]);
+  /// What resting contacts add to other forces in a part that begins at y and `now`.
+  auto push_from(const State& y, const S& now) {
+    return [&](const RigidState<S>& state, int i, const S& at, const Wrench<S>& wrench) {
+      const auto& contact = resting_.forces()[static_cast<std::size_t>(i)];
+      const auto& kept = resting_.islands().kept();
+      const Vec3<S> torque =
+          contact.torque_at(kept.age(i, S(at - now)), state.position - kept.start(y)[i].position);
+      resting_.note_torque(i, wrench.torque);
+      return wrench + Wrench<S>{contact.force, rotate_back(state.orientation, torque)};
+    };
   }
+
   /// After a part of at most so many seconds that an impact has ended: what it does not reach goes on as it
   /// did, unless a resting pair would sink in on its way.
   void choose_course(const Pairs& pairs, const S& most, const S& sinking) {
     if constexpr (OnCourse<System>::possible) {
       // Forces on what kinematic bodies push are found from their motion, too.
-      course_.choose(bodies_,
-                     [&](int i) { return !resting_.kept().disturbed(i) && !(*system_)[i].is_kinematic(); });
+      course_.choose(bodies_, [&](int i) {
+        return !resting_.islands().kept().disturbed(i) && !(*system_)[i].is_kinematic();
+      });
       for (const auto& pair : pairs) {
         if (!pair.any_resting || pair.foreseen || !course_.has(pair)) continue;
         if (pair.impact < most || resting_.sinks(pair, part_end_, sinking)) course_.drop(pair);
@@ -374,7 +352,7 @@ class StepParts {
   /// Bodies on which another has come to rest do not go on as they did. False where there are none.
   bool leave_course() {
     if constexpr (OnCourse<System>::possible) {
-      const auto stays = [&](int i) { return course_.has(i) && !any(resting_.moves(i)); };
+      const auto stays = [&](int i) { return course_.has(i) && !any(resting_.islands().moves(i)); };
       if (std::all_of(bodies_.begin(), bodies_.end(), [&](int i) { return course_.has(i) == stays(i); }))
         return false;
       course_.choose(bodies_, stays);
@@ -400,44 +378,6 @@ class StepParts {
     for (const int i : bodies_) y[i] = select(lanes, other[i], y[i]);
   }
 
-  /// When in a part of so many seconds from `start` to part_end_ the first pair touches that does not rest,
-  /// s; all of the part where none does. `sinking`, `lost`: see impact_time().
-  S earliest_impact(Pairs& pairs, const State& start, const S& seconds, const S& sinking, MaskOf<S>& lost) {
-    for (const int i : course_.others()) {
-      const RigidState<S>& body = part_end_[i];
-      Motion<S>& motion = end_motion_[static_cast<std::size_t>(i)];
-      motion.position = body.position;
-      motion.velocity = body.velocity;
-      motion.angular_velocity = body.angular_velocity_world();
-    }
-    const auto find = [&](auto& pair) {
-      pair.impact =
-          impact_time(*system_, pair, start, part_end_, end_motion_, seconds, sinking, probe_, lost);
-      if (in_crowd_) pair.apart_for = time_apart(*system_, pair, start, part_end_);
-      pair.foreseen = false;
-    };
-    S earliest = seconds;
-    for (auto& pair : pairs) {
-      if (!course_.has(pair)) find(pair);
-      earliest = minimum(earliest, pair.impact);
-    }
-    if constexpr (may_be_crowd<System>) {
-      // What was foreseen from afar may be too early.
-      const auto before = [](const auto& a, const auto& b) { return a.impact < b.impact; };
-      for (;;) {
-        const auto first = std::min_element(pairs.begin(), pairs.end(), before);
-        earliest = minimum(seconds, first->impact);
-        if (!first->foreseen || !(first->impact < seconds)) break;
-        for (const int i : {first->who.first, first->who.second}) {
-          if (i >= 0) set_motion(i, start);
-        }
-        measure(*system_, start, motion_, MaskOf<S>(true), *first);
-        find(*first);
-      }
-    }
-    return earliest;
-  }
-
   const System* system_;
   SimulationOptions options_;
   bool in_crowd_;
@@ -445,12 +385,12 @@ class StepParts {
   PairSearch<System> search_;
   Impacts<System> impacts_;
   RestingContacts<System> resting_;
-  State free_;                   ///< after free flight
-  bool flown_ = false;           ///< whether that is of all bodies over the step that starts
-  State part_end_;               ///< where the present part of the step ends, if no impact does
-  State cut_;                    ///< where an impact has ended it, or what the impact has made of that
-  Motions motion_, end_motion_;  ///< where the part begins and ends
-  State probe_;                  ///< for the search of an impact
+  State free_;          ///< after free flight
+  bool flown_ = false;  ///< whether that is of all bodies over the step that starts
+  State part_end_;      ///< where the present part of the step ends, if no impact does
+  State cut_;           ///< where an impact has ended it, or what the impact has made of that
+  Motions motion_;      ///< where the part begins
+  NextImpact<System> next_impact_;
   OnCourse<System> course_;
   ImpactLog<System> log_;
   SleepingIslands<System> sleeping_;
