@@ -275,6 +275,28 @@ TEST_CASE("every pair is found once, planes first, in order") {
   CHECK(find(system, y).empty());
 }
 
+TEST_CASE("a body whose position is not finite touches nothing") {
+  constexpr double inf = std::numeric_limits<double>::infinity(),
+                   nan = std::numeric_limits<double>::quiet_NaN();
+  for (const Shape& shape : shapes) {
+    for (const double sign : {1.0, -1.0}) {
+      const Pair pair({body(shape), body(shape)},
+                      {{{0, 0, sign}, 0.0}, {{sign, 0, 0}, 0.0}, {{0, sign, 0}, 0.0}});
+      for (const double far : {inf, -inf, nan}) {
+        for (double Vector::*axis : {&Vector::x, &Vector::y, &Vector::z}) {
+          State y;
+          y[1].position = {0.01, 0.02, 0.03};
+          y[0].position.*axis = far;
+          for (const auto& contact : contacts(pair, y)) {
+            CHECK(contact.first < 0);
+            CHECK(contact.second == 1);
+          }
+        }
+      }
+    }
+  }
+}
+
 TEST_CASE("asking allocates nothing, throws nothing, and is a range like any other") {
   const Pair system({body(shapes[0]), body(shapes[1])}, {floor_plane<double>()});
   const State y{};

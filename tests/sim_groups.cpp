@@ -86,6 +86,31 @@ TEST_CASE("what happens to one group changes no bit of another") {
   for (int i = 2; i < y.size(); ++i) CHECK(pushed[i] == y[i]);
 }
 
+TEST_CASE("what happens far away changes no bit of a heap") {
+  const Clusters heap(1, 18, {0.5, 0.4});
+  const int count = heap.y.size();
+  // A heavy ball hands on more than its speed to a light one, which gets farther than the group was thought
+  // to.
+  auto bodies = heap.bodies;
+  for (const double mass : {100.0, 1.0, 0.01, 1.0}) bodies.push_back({Sphere{0.1}, mass, {1.0, 0.0}});
+  const Crowd world(bodies, {floor_plane(Material<double>{0.5, 0.4})});
+  const auto heap_after = [&](const std::array<double, 4>& x, double speed) {
+    State y = heap.y;
+    for (const double ball : x) y.body.push_back(at(100 + ball, 0, 50));
+    y[count].velocity = {speed, 0, 0};
+    const auto report = simulate(world, y, Gravity{}, Rk4{}, {.step = 2e-3, .duration = 0.8});
+    CHECK(report.overruns == 0);
+    y.body.resize(std::size_t(count));
+    return y;
+  };
+  const State alone = heap_after({0, 1, 2, 3}, 0);
+  CHECK(alone == heap_after({0, 1, 2, 3}, 10));
+  for (const double speed : {3.0, 30.0, 100.0}) {
+    const double hit = 0.2 + 0.4 * speed;
+    CHECK(alone == heap_after({0, hit, hit + 0.21, hit + 1}, speed));
+  }
+}
+
 /// Hears impulses.
 struct Heard {
   std::vector<Impact<double>> impulses;

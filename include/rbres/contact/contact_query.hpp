@@ -138,9 +138,10 @@ class Contacts {
           contact.normal = manifold.normal;
           contact.gap = S(manifold.none);
           detail::each_point(manifold, [&](int, const Vec3<S>& position, const S& gap) {
-            if (!any(gap <= margin_)) return;
-            contact.points_[contact.count_++] = {position, gap};
-            contact.gap = minimum(contact.gap, gap);
+            const S there = select(is_finite(gap), gap, S(manifold.none));  // not of bodies at infinity
+            if (!any(there <= margin_)) return;
+            contact.points_[contact.count_++] = {position, there};
+            contact.gap = minimum(contact.gap, there);
           });
         });
     return contact.count_ > 0;

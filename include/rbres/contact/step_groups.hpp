@@ -41,6 +41,7 @@ class StepGroups {
         islands_(system),
         reach_(per_body<S>(system)),
         ball_(reach_),
+        wanted_(reach_),
         stays_(per_body<bool>(system)),
         meets_(per_body<std::size_t>(system)) {
     const auto n = static_cast<std::size_t>(system.size());
@@ -53,21 +54,21 @@ class StepGroups {
     }
   }
 
+  /// A new step.
+  void start_step() { wanted_.fill(S(0)); }
   /// Finds the groups for a step of `time` seconds from y, in which bodies alone go `way` m and end at
   /// `free`. `stays(i)`: whether body i sleeps, or is a still kinematic body. False where the system is one
   /// group.
   template <class Stays>
   bool find(const State& y, const State& free, const Ways& way, const S& time, const Stays& stays) {
-    for (int i = 0; i < system_->size(); ++i) stays_[index(i)] = stays(i);
-    S fastest(0);
-    for (int i = 0; i < system_->size(); ++i) fastest = maximum(fastest, far(y, way, time, i));
     for (int i = 0; i < system_->size(); ++i) {
-      const S little = as<S>(0.5) * (*system_)[i].bounding_radius();
-      reach_[index(i)] = maximum(way[index(i)], minimum(S(as<S>(2) * fastest), little));
+      stays_[index(i)] = stays(i);
+      // No other body decides this: what happens far away changes nothing here.
+      const S little = as<S>(0.1) * (*system_)[i].bounding_radius();
+      reach_[index(i)] = maximum(maximum(way[index(i)], little), wanted_[index(i)]);
     }
     // Bodies that meet may go as far as the fastest of them, and then meet others.
-    constexpr int rounds = 4;
-    for (int round = 0; round <= rounds; ++round) {
+    for (;;) {
       for (int i = 0; i < system_->size(); ++i)
         ball_[index(i)] = (*system_)[i].bounding_radius() * as<S>(1.001) + reach_[index(i)];
       const auto& pairs = broad_.find(*system_, y, ball_);
@@ -75,7 +76,6 @@ class StepGroups {
       list(pairs, y, free, way, time);
       return count() > 1 || !alone_.empty();
     }
-    return false;
   }
 
   std::size_t count() const { return end_.size(); }
@@ -90,12 +90,16 @@ class StepGroups {
   std::span<const int> kinematic() const { return kinematic_; }
 
   /// Whether bodies of a group, which began the step at `start`, are at y where a further `way` takes them to
-  /// no other group.
-  bool hold(std::span<const int> bodies, const State& start, const State& y, const Ways& way) const {
-    return std::all_of(bodies.begin(), bodies.end(), [&](int i) {
-      const S gone = norm(y[i].position - start[i].position);
-      return !joins(i) || gone + way[index(i)] <= reach_[index(i)];
-    });
+  /// no other group. If not, groups that are found again will let them go there.
+  bool hold(std::span<const int> bodies, const State& start, const State& y, const Ways& way) {
+    bool all = true;
+    for (const int i : bodies) {
+      const S goes = norm(y[i].position - start[i].position) + way[index(i)];
+      if (!joins(i) || goes <= reach_[index(i)]) continue;
+      wanted_[index(i)] = as<S>(1.5) * goes;
+      all = false;
+    }
+    return all;
   }
 
  private:
@@ -191,6 +195,7 @@ class StepGroups {
   BroadPhase<S, System::bodies, System::most_planes> broad_;
   Islands<System> islands_;              ///< of the pairs that may meet
   Ways reach_, ball_;                    ///< how far bodies may get in the step, m; the same with their size
+  Ways wanted_;                          ///< the reach of those that went farther, m
   PerBody<bool, System::bodies> stays_;  ///< asleep, or kinematic and still
   PerBody<std::size_t, System::bodies> meets_;  ///< the last group of each body
   Reserved<int, body_room<System>> alone_, kinematic_;

@@ -77,8 +77,7 @@ class ContinuousContact {
       !detail::HearsImpacts<Observer, State, S>;
 
   /// Takes y from t to t + h group by group. Returns false, and leaves all as it was, where there is one
-  /// group (which has then been `flown`), where one does not keep to itself, meets the event cap or has too
-  /// many impulses for the log.
+  /// group (which has then been `flown`), where one meets the event cap or has too many impulses for the log.
   template <class Model, class Integrator, class Observer>
   bool step_groups(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
                    Observer& observer, ContactTally<S>& tally, bool& flown) {
@@ -87,29 +86,50 @@ class ContinuousContact {
     if (!(h > S(0)) || (balls && !detail::is_crowd(*system_))) return false;
     detail::StepGroups<System>& groups = apart_.groups;
     State& start = apart_.start;
-    parts_.fly_freely(all(), forces, integrator, y, t, h);
-    const auto& ways = parts_.ways(y, h);
-    if (parts_.mark_faults(ways, MaskOf<S>(true), y)) return true;
-    flown = !groups.find(y, parts_.free(), ways, h, [&](int i) { return parts_.stays_put(i, y); });
-    if (flown) return false;
-    start = y;
+    groups.start_step();
     const ContactTally<S> tally_before = tally;
-    for (const int i : groups.alone()) y[i] = parts_.free()[i];
-    parts_.start_groups();
+    // A group that does not keep to itself, or wakes another, is found anew with all that it may meet: the
+    // others take the step to the same bits as if it had not been there.
+    for (int attempt = 0; attempt < most_attempts; ++attempt) {
+      parts_.fly_freely(all(), forces, integrator, y, t, h);
+      const auto& ways = parts_.ways(y, h);
+      if (parts_.mark_faults(ways, MaskOf<S>(true), y)) return true;
+      flown = !groups.find(y, parts_.free(), ways, h, [&](int i) { return parts_.stays_put(i, y); });
+      if (flown) return false;
+      start = y;
+      for (const int i : groups.alone()) y[i] = parts_.free()[i];
+      parts_.start_groups();
+      bool apart = true;
+      const auto holds = [&](const auto& some, const auto& way) {
+        apart = !parts_.woke() && groups.hold(some, start, y, way);
+        return apart;
+      };
+      if (take_groups(forces, integrator, y, t, h, observer, tally, holds)) return true;
+      y = start;
+      tally = tally_before;
+      if (apart) return false;
+      parts_.restart_step();
+    }
+    return false;
+  }
+  static constexpr int most_attempts = 8;
+
+  /// Takes each of the groups that have been found. Returns false where one is not taken to the end.
+  template <class Model, class Integrator, class Observer, class Holds>
+  bool take_groups(const Model& forces, const Integrator& integrator, State& y, const S& t, const S& h,
+                   Observer& observer, ContactTally<S>& tally, const Holds& holds) {
+    const detail::StepGroups<System>& groups = apart_.groups;
+    const State& start = apart_.start;
     for (std::size_t k = 0; k < groups.count(); ++k) {
       for (const int i : groups[k]) y[i] = start[i];  // other groups have moved its kinematic bodies
       parts_.memory().start_group();
       S now = t;
       // But for kinematic bodies, which groups before have flown.
       const bool as_flown = groups.kinematic().empty();
-      const S left = parts_.advance(groups[k], forces, integrator, y, now, h, observer, tally, as_flown,
-                                    [&](const auto& some, const auto& way) {
-                                      return !parts_.woke() && groups.hold(some, start, y, way);
-                                    });
+      const S left =
+          parts_.advance(groups[k], forces, integrator, y, now, h, observer, tally, as_flown, holds);
       if (left > S(0) || parts_.unresolved() || !parts_.told_all()) {
         parts_.memory().undo_groups();
-        y = start;
-        tally = tally_before;
         return false;
       }
       parts_.memory().end_group();
@@ -129,6 +149,8 @@ class ContinuousContact {
     }
   }
 
+  /// The rest of a step past its event cap is divided into so many: bodies get less deep.
+  static constexpr int finishing_parts = 16;
   /// Takes the lanes in which time is `left` (s) to the end of the step, with discrete contacts.
   template <class Model, class Integrator>
   void finish(const Model& forces, const Integrator& integrator, State& y, const S& now, const S& left,
@@ -136,9 +158,13 @@ class ContinuousContact {
     const MaskOf<S> over = left > S(0), unresolved = parts_.unresolved();
     tally.overruns += over | unresolved;
     if (!any(over)) return;
-    detail::fly_bodies(*system_, all(), forces, integrator, y, now, left, end_);
-    discrete_.resolve(y, end_, left, as<S>(options_.rest_speed), tally);
-    for (const int i : all()) y[i] = select(over, end_[i], y[i]);
+    const S part = as<S>(1.0 / finishing_parts) * left;
+    for (int k = 0; k < finishing_parts; ++k) {
+      const S from = now + as<S>(k) * part;
+      detail::fly_bodies(*system_, all(), forces, integrator, y, from, part, end_);
+      discrete_.resolve(y, end_, part, as<S>(options_.rest_speed), tally);
+      for (const int i : all()) y[i] = select(over, end_[i], y[i]);
+    }
   }
 
   const System* system_;

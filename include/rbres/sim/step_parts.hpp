@@ -66,7 +66,10 @@ class StepParts {
     resting_.end_step(y);
   }
   /// Starts the step anew, with bodies that have not rested yet.
-  void restart_step() { sleeping_.forget_rests(); }
+  void restart_step() {
+    sleeping_.forget_rests();
+    flown_ = false;
+  }
   /// What resting contacts know of their forces.
   ContactMemory<System>& memory() { return resting_.memory(); }
   /// What tells an observer of impulses.
