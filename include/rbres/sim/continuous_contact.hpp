@@ -105,6 +105,7 @@ class ContinuousContact {
         return apart;
       };
       if (take_groups(forces, integrator, y, t, h, observer, tally, holds)) return true;
+      parts_.memory().undo_groups();
       y = start;
       tally = tally_before;
       if (apart) return false;
@@ -128,10 +129,7 @@ class ContinuousContact {
       const bool as_flown = groups.kinematic().empty();
       const S left =
           parts_.advance(groups[k], forces, integrator, y, now, h, observer, tally, as_flown, holds);
-      if (left > S(0) || parts_.unresolved() || !parts_.told_all()) {
-        parts_.memory().undo_groups();
-        return false;
-      }
+      if (left > S(0) || parts_.unresolved() || !parts_.told_all()) return false;
       parts_.memory().end_group();
     }
     parts_.memory().end_groups();

@@ -9,7 +9,6 @@
 #include <rbres/sim/resting_points.hpp>
 #include <rbres/sim/resting_turn.hpp>
 #include <rbres/sim/resting_work.hpp>
-#include <span>
 
 namespace rbres::RBRES_ABI::detail {
 
@@ -239,11 +238,12 @@ class RestingContacts {
     }
     take_velocities(
         bodies, [&](int i) { return islands_.moves(i); }, end, end_);
+    const KeptIslands<System>& kept = islands_.kept();
     for (std::size_t island = 0; island < islands_.count(); ++island) {
       if (islands_.keeps(pairs, island)) continue;
-      const S seconds = islands_.kept().age(pairs[islands_[island].front()].moved.second, part);
+      const S seconds = kept.age(pairs[islands_[island].front()].moved.second, part);
       energy_.bound(*system_, pairs, islands_[island], at_end_.contacts(), islands_.rests(),
-                    {islands_.kept().start(y), flown_, forces_, torqued_, seconds, islands_.kept()}, end);
+                    {kept.start(y), flown_, forces_, torqued_, seconds, kept}, end);
     }
     islands_.kept().end_part(islands_.all(), pairs, part);
   }

@@ -5,6 +5,7 @@
 #include <rbres/sim/kept_islands.hpp>
 #include <rbres/sim/moving_islands.hpp>
 #include <rbres/sim/resting_points.hpp>
+#include <span>
 
 namespace rbres::RBRES_ABI::detail {
 
