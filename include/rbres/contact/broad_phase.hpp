@@ -82,9 +82,10 @@ class BroadPhase {
     for (int i = 0; i < bodies; ++i) all_[static_cast<std::size_t>(i)].body = i;
     pairs_.reserve(detail::most_pairs(static_cast<std::size_t>(bodies), planes));
   }
-  /// Allocates what it needs for pairs of some bodies, too.
-  void reserve_for_some() requires(finds_some) {
-    neighbours_.reserve(all_.size(), detail::most_pairs(all_.size(), 0));
+  /// Allocates what it needs for pairs of some bodies, too. Balls `grown` times as large say which may meet:
+  /// the larger, the more seldom that is found anew, among more pairs.
+  void reserve_for_some(const S& grown) requires(finds_some) {
+    neighbours_.reserve(all_.size(), detail::most_pairs(all_.size(), 0), grown);
   }
 
   /// `reach` is each body's bounding radius plus the way it may go (m).

@@ -13,7 +13,9 @@ namespace rbres::RBRES_ABI::detail {
 template <class S>
 class NeighbourLists {
  public:
-  void reserve(std::size_t bodies, std::size_t pairs) {
+  /// Balls are known `grown` times as large.
+  void reserve(std::size_t bodies, std::size_t pairs, const S& grown) {
+    grown_ = grown;
     pairs_.reserve(pairs);
     for (auto* list : {&begin_, &end_}) list->resize(bodies);
     around_.resize(bodies);
@@ -37,7 +39,7 @@ class NeighbourLists {
     }
     known_ = true;
     for (const int i : bodies) {
-      around_[index(i)] = {position(i), as<S>(1.1) * reach(i)};
+      around_[index(i)] = {position(i), grown_ * reach(i)};
       end_[index(i)] = 0;
     }
     pairs_.clear();
@@ -71,6 +73,7 @@ class NeighbourLists {
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
   bool known_ = false;
+  S grown_{1};
   Reserved<Around> around_;
   Reserved<Candidate> pairs_;
   Reserved<std::size_t> begin_, end_;

@@ -46,7 +46,7 @@ class PairSearch {
         reach_(way_),
         turned_(way_) {
     pairs_.reserve(most_part_pairs(system));
-    if constexpr (remembers) broad_.reserve_for_some();
+    if constexpr (remembers) broad_.reserve_for_some(as<S>(1.1));
   }
 
   /// The state is another than that in which pairs were found.

@@ -33,6 +33,7 @@ class StepGroups {
   using S = typename System::Scalar;
   using State = typename System::State;
   using Ways = PerBody<S, System::bodies>;
+  using Broad = BroadPhase<S, System::bodies, System::most_planes>;
 
  public:
   explicit StepGroups(const System& system)
@@ -44,6 +45,7 @@ class StepGroups {
         wanted_(reach_),
         stays_(per_body<bool>(system)),
         meets_(per_body<std::size_t>(system)) {
+    if constexpr (Broad::finds_some) broad_.reserve_for_some(as<S>(1.5));
     const auto n = static_cast<std::size_t>(system.size());
     alone_.reserve(n);
     kinematic_.reserve(n);
@@ -56,11 +58,12 @@ class StepGroups {
 
   /// A new step.
   void start_step() { wanted_.fill(S(0)); }
-  /// Finds the groups for a step of `time` seconds from y, in which bodies alone go `way` m and end at
-  /// `free`. `stays(i)`: whether body i sleeps, or is a still kinematic body. False where the system is one
-  /// group.
+  /// Finds the groups of `all` bodies for a step of `time` seconds from y, in which bodies alone go `way` m
+  /// and end at `free`. `stays(i)`: whether body i sleeps, or is a still kinematic body. False where the
+  /// system is one group.
   template <class Stays>
-  bool find(const State& y, const State& free, const Ways& way, const S& time, const Stays& stays) {
+  bool find(std::span<const int> all, const State& y, const State& free, const Ways& way, const S& time,
+            const Stays& stays) {
     for (int i = 0; i < system_->size(); ++i) {
       stays_[index(i)] = stays(i);
       // No other body decides this: what happens far away changes nothing here.
@@ -71,7 +74,7 @@ class StepGroups {
     for (;;) {
       for (int i = 0; i < system_->size(); ++i)
         ball_[index(i)] = (*system_)[i].bounding_radius() * as<S>(1.001) + reach_[index(i)];
-      const auto& pairs = broad_.find(*system_, y, ball_);
+      const auto& pairs = near_pairs(all, y);
       if (join(pairs, y, way, time)) continue;
       list(pairs, y, free, way, time);
       return count() > 1 || !alone_.empty();
@@ -107,6 +110,14 @@ class StepGroups {
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
   /// Whether body i joins those that it may meet.
   bool joins(int i) const { return !stays_[index(i)] && !(*system_)[i].is_kinematic(); }
+  /// The pairs of balls that overlap. Which bodies are near one another changes little from step to step.
+  const auto& near_pairs(std::span<const int> all, const State& y) {
+    if constexpr (Broad::finds_some) {
+      return broad_.find(*system_, y, ball_, all, all, [](int) { return true; });
+    } else {
+      return broad_.find(*system_, y, ball_);
+    }
+  }
   /// How far a point of a body may go that flies `way`, m.
   S far(const State& y, const Ways& way, const S& time, int i) const {
     return way[index(i)] + (*system_)[i].bounding_radius() * time * norm(y[i].angular_velocity);
@@ -192,7 +203,7 @@ class StepGroups {
   }
 
   const System* system_;
-  BroadPhase<S, System::bodies, System::most_planes> broad_;
+  Broad broad_;
   Islands<System> islands_;              ///< of the pairs that may meet
   Ways reach_, ball_;                    ///< how far bodies may get in the step, m; the same with their size
   Ways wanted_;                          ///< the reach of those that went farther, m

@@ -94,7 +94,7 @@ class ContinuousContact {
       parts_.fly_freely(all(), forces, integrator, y, t, h);
       const auto& ways = parts_.ways(y, h);
       if (parts_.mark_faults(ways, MaskOf<S>(true), y)) return true;
-      flown = !groups.find(y, parts_.free(), ways, h, [&](int i) { return parts_.stays_put(i, y); });
+      flown = !groups.find(all(), y, parts_.free(), ways, h, [&](int i) { return parts_.stays_put(i, y); });
       if (flown) return false;
       start = y;
       for (const int i : groups.alone()) y[i] = parts_.free()[i];
