@@ -3,6 +3,7 @@
 #include <doctest/doctest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <rbres/rbres.hpp>
 
@@ -181,6 +182,33 @@ TEST_CASE("in a damper, however stiff, a body on a slope sticks, or slides as fa
         if (beyond < 0) CHECK(std::abs(y[0].position.x) < 1e-6);
         CHECK(std::abs(y[0].velocity.x - speed) < 1e-2 * std::abs(speed) + 1e-12);
       }
+    }
+  }
+}
+
+TEST_CASE_TEMPLATE("a box stands still under one of any mass, and both sleep", Sys,
+                   System<double, 2, Box<double>>, System<double, dynamic, Box<double>>) {
+  constexpr Material<double> dead{.restitution = 0, .friction = 0.5};
+  for (const double ratio : {1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8}) {
+    CAPTURE(ratio);
+    const std::array bodies{Body(Box{0.2, 0.2, 0.1}, 1.0, dead), Body(Box{0.2, 0.2, 0.1}, ratio, dead)};
+    const auto system = [&] {
+      if constexpr (Sys::bodies == dynamic) {
+        return Sys({bodies.begin(), bodies.end()}, {floor_plane(dead)});
+      } else {
+        return Sys(bodies, {floor_plane(dead)});
+      }
+    }();
+    typename Sys::State y;
+    if constexpr (Sys::bodies == dynamic) y.body.resize(2);
+    y[0].position = {0, 0, 0.1};
+    y[1].position = {0.01, 0, 0.3001};
+    const auto report = simulate(system, y, Gravity{}, Rk4{}, {.step = 1e-3, .duration = 2});
+    CHECK(report.overruns == 0);
+    for (int i = 0; i < 2; ++i) {
+      CHECK(norm(y[i].position - Vec3<double>{0.01 * i, 0, 0.1 + 0.2 * i}) < 1e-8);
+      CHECK(norm(y[i].velocity) == 0);
+      CHECK(norm(y[i].angular_velocity) == 0);
     }
   }
 }

@@ -130,8 +130,8 @@ class BroadPhase {
     return pairs_;
   }
 
-  /// The same pairs that have one of `some` in it: has(i) says which. `bodies` are those of the last call
-  /// without; there must be room, see reserve_for_some().
+  /// The same pairs that have one of `some` in it: has(i) says which. `bodies` are all, or those of the last
+  /// call without; there must be room, see reserve_for_some().
   template <class System, class Has>
   const Pairs& find(const System& system, const SystemState<S, N>& state, const detail::PerBody<S, N>& reach,
                     std::span<const int> bodies, std::span<const int> some,

@@ -28,7 +28,7 @@ class CoupledNewton {
   bool solve(Rows& rows, Motions& motion, bool friction, const S& tolerance, const S& coarse,
              const S& rough) {
     const auto approached = [&](auto& points) {
-      const S off = approach(points, tolerance, coarse);
+      const S off = approach(points, tolerance);
       points.give(rows, motion);
       return off;
     };
@@ -44,14 +44,17 @@ class CoupledNewton {
   }
 
  private:
-  /// Goes steps until no law is off by more than `tolerance`, or none gets better: where rounding may be why,
-  /// it soon is once none is off by more than `coarse`. Returns by how much the worst is off at best, m/s.
+  /// Goes steps until no law is off by more than `tolerance`, or none gets better. Returns by how much the
+  /// worst is off at best, m/s.
   template <class Points>
-  static S approach(Points& points, const S& tolerance, const S& coarse) {
-    constexpr int most_steps = 30, patience = 8, rounding_patience = 2;
-    bool heavy = false;
-    if constexpr (requires { points.carries_heavy(); }) heavy = points.carries_heavy();
-    constexpr double least_soft = std::is_same_v<typename Constants<S>::Real, float> ? 1e-3 : 1e-5;
+  static S approach(Points& points, const S& tolerance) {
+    constexpr int most_steps = 30, patience = 8;
+    constexpr bool is_float = std::is_same_v<typename Constants<S>::Real, float>;
+    double least_soft = is_float ? 1e-3 : 1e-5;
+    // Equations that are softer than the heaviest body let it creep to its velocity.
+    if constexpr (!is_float && requires { points.stiffness(); }) {
+      while (least_soft > 1e-9 && as<S>(10 * least_soft) * points.stiffness() > S(1)) least_soft *= 0.1;
+    }
     double soft = 1;
     int since = 0;  // steps since it got better by half
     S last(std::numeric_limits<typename Constants<S>::Real>::max()), best = last, mark = last;
@@ -67,7 +70,6 @@ class CoupledNewton {
         points.keep();
       }
       if (best <= tolerance || step == most_steps || since == patience) return best;
-      if (heavy && best <= coarse && since >= rounding_patience) return best;
       points.advance(soft);
     }
   }

@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cstddef>
-#include <limits>
 #include <rbres/contact/cone_point.hpp>
 #include <rbres/contact/contact_row.hpp>
 #include <rbres/contact/near_pairs.hpp>
@@ -23,13 +22,13 @@ class IslandPoints {
   bool take_up(Rows& rows, Motions& motion, bool friction) {
     if (!equations_.take_up(rows, motion)) return false;
     rows_.clear();
-    S least_inverse(std::numeric_limits<typename Constants<S>::Real>::max()), response(0);
+    S largest_response(0), heaviest(0);
     rows.each(motion, [&](auto& row, auto& point, auto& first, auto& second) {
       RowState& r = rows_.emplace_back();
       r.take(point, row.active);
-      response = maximum(response, r.response[0]);
+      largest_response = maximum(largest_response, r.response[0]);
       for (const auto* body : {&first, &second}) {
-        if (body->inverse_mass > S(0)) least_inverse = minimum(least_inverse, body->inverse_mass);
+        if (body->inverse_mass > S(0)) heaviest = maximum(heaviest, S(S(1) / body->inverse_mass));
       }
       r.jacobian = equations_.jacobian(row, point);
       r.friction = friction ? row.friction : S(0);
@@ -37,11 +36,11 @@ class IslandPoints {
       r.left = {point.velocity(0, first, second) - row.target, point.velocity(1, first, second),
                 point.velocity(2, first, second)};
     });
-    carries_heavy_ = response > as<S>(1e4) * least_inverse;
+    stiffness_ = largest_response * heaviest;
     return true;
   }
-  /// Whether a body carries one so heavy that rounding keeps the laws from being met to the last digits.
-  bool carries_heavy() const { return carries_heavy_; }
+  /// How much more easily a point moves than the heaviest body.
+  const S& stiffness() const { return stiffness_; }
   /// Gives them the best impulses, and their bodies the velocities that these leave.
   template <class Rows, class Motions>
   void give(Rows& rows, Motions& motion) const {
@@ -99,7 +98,7 @@ class IslandPoints {
 
   Reserved<RowState, row_room<System>> rows_;
   Equations equations_;
-  bool carries_heavy_ = false;
+  S stiffness_{0};
 };
 
 }  // namespace rbres::RBRES_ABI::detail

@@ -74,7 +74,7 @@ class StepGroups {
     for (;;) {
       for (int i = 0; i < system_->size(); ++i)
         ball_[index(i)] = (*system_)[i].bounding_radius() * as<S>(1.001) + reach_[index(i)];
-      const auto& pairs = near_pairs(all, y);
+      const auto& pairs = find_pairs(all, y);
       if (join(pairs, y, way, time)) continue;
       list(pairs, y, free, way, time);
       return count() > 1 || !alone_.empty();
@@ -111,7 +111,7 @@ class StepGroups {
   /// Whether body i joins those that it may meet.
   bool joins(int i) const { return !stays_[index(i)] && !(*system_)[i].is_kinematic(); }
   /// The pairs of balls that overlap. Which bodies are near one another changes little from step to step.
-  const auto& near_pairs(std::span<const int> all, const State& y) {
+  const auto& find_pairs(std::span<const int> all, const State& y) {
     if constexpr (Broad::finds_some) {
       return broad_.find(*system_, y, ball_, all, all, [](int) { return true; });
     } else {
